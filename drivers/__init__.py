@@ -1,0 +1,1 @@
+"""Devices and bytes. Nothing here knows of tomatoes, missions or operators."""

@@ -1,0 +1,25 @@
+"""The contract of a GSM modem."""
+
+from __future__ import annotations
+
+from typing import Protocol
+
+from drivers.modem.values import ModemStatus, Sms
+
+
+class Modem(Protocol):
+    """Text messages and signal. Every method raises a ``DeviceError``; every wait ends in ``DeviceTimeout``."""
+
+    async def open(self) -> None: ...
+
+    async def close(self) -> None: ...
+
+    async def status(self) -> ModemStatus: ...
+
+    async def send(self, number: str, text: str) -> None:
+        """Returns when the network has taken the text; ``DeviceFault`` when it has not."""
+        ...
+
+    async def receive(self) -> tuple[Sms, ...]:
+        """Texts that came since the last call, oldest first, taken off the modem's store; () when there are none."""
+        ...
