@@ -60,10 +60,15 @@ class StereoRig:
 
 
 def _undistort(points_px: npt.ArrayLike, K: Array, dist: Array) -> Array:
-    points = np.asarray(points_px, dtype=np.float64).reshape(-1, 1, 2)
-    criteria = (cv2.TERM_CRITERIA_EPS | cv2.TERM_CRITERIA_MAX_ITER, 40, 1e-10)
-    out = cv2.undistortPointsIter(points, K, dist, np.eye(3), K, criteria) if len(points) else points
-    return np.asarray(out, dtype=np.float64).reshape(-1, 2)
+    stored = np.asarray(points_px, dtype=np.float64).reshape(-1, 2)
+    if len(stored) == 0:
+        return stored
+    rays = cv2.undistortPoints(stored.reshape(-1, 1, 2), K, dist).reshape(-1, 2).astype(np.float64)
+    focal = np.array([K[0, 0], K[1, 1]])
+    for _ in range(4):  # OpenCV stops after five coarse steps; go on to 1e-6 px
+        back = _project(np.column_stack([rays, np.ones(len(rays))]), np.eye(3), np.zeros(3), K, dist)
+        rays += (stored - back) / focal
+    return np.asarray(rays * focal + K[:2, 2] + np.column_stack([K[0, 1] * rays[:, 1], np.zeros(len(rays))]))
 
 
 def _project(points_m: npt.ArrayLike, R: Array, t_m: Array, K: Array, dist: Array) -> Array:
