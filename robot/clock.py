@@ -41,8 +41,6 @@ class VirtualClockLoop(asyncio.SelectorEventLoop):
     """
 
     def __init__(self, pace: float | None = None) -> None:
-        if pace is not None and pace <= 0:
-            raise ValueError(f"pace must be positive, got {pace}")
         selector = _JumpingSelector()
         self._now_s = 0.0
         self._timers_s: list[float] = []
@@ -53,6 +51,9 @@ class VirtualClockLoop(asyncio.SelectorEventLoop):
         self._real_mark_s = time.monotonic()
         self._virtual_mark_s = 0.0
         selector.loop = self
+        if pace is not None and pace <= 0:
+            self.close()
+            raise ValueError(f"pace must be positive, got {pace}")
 
     def time(self) -> float:
         return self._now_s

@@ -1,0 +1,96 @@
+import asyncio
+import time
+
+import pytest
+
+from robot.clock import VirtualClockLoop, run_virtual, work
+
+
+def test_a_thousand_seconds_pass_without_waiting():
+    async def main() -> float:
+        await asyncio.sleep(1000.0)
+        return asyncio.get_running_loop().time()
+
+    started = time.monotonic()
+    assert run_virtual(main()) == 1000.0
+    assert time.monotonic() - started < 100.0
+
+
+@pytest.mark.parametrize("pace", [None, 500.0])
+def test_work_arrives_exactly_when_its_modelled_duration_is_over_at_any_pace(pace):
+    async def main() -> tuple[int, float, list[float]]:
+        loop = asyncio.get_running_loop()
+        ticks: list[float] = []
+
+        async def tick() -> None:
+            while True:
+                await asyncio.sleep(0.1)
+                ticks.append(loop.time())
+
+        ticker = asyncio.create_task(tick())
+        answer = await work(lambda: (time.sleep(0.05), 42)[1], 0.35)
+        ticker.cancel()
+        return answer, loop.time(), ticks
+
+    answer, finished_s, ticks = run_virtual(main(), pace)
+    assert answer == 42
+    assert finished_s == 0.35
+    assert ticks == pytest.approx([0.1, 0.2, 0.3])
+
+
+def test_the_clock_waits_for_work_that_is_slower_than_its_model():
+    async def main() -> tuple[float, float]:
+        loop = asyncio.get_running_loop()
+        await work(lambda: time.sleep(0.2), 0.001)
+        at_result = loop.time()
+        await asyncio.sleep(1.0)
+        return at_result, loop.time()
+
+    assert run_virtual(main()) == (0.001, 1.001)
+
+
+def test_a_cancelled_caller_leaves_while_the_work_goes_on_to_its_end():
+    done: list[str] = []
+
+    async def main() -> None:
+        caller = asyncio.create_task(work(lambda: (time.sleep(0.05), done.append("work"))[1], 0.01))
+        await asyncio.sleep(0.005)
+        caller.cancel()
+        with pytest.raises(asyncio.CancelledError):
+            await caller
+        await asyncio.sleep(1.0)
+
+    run_virtual(main())
+    assert done == ["work"]
+
+
+def test_an_error_in_the_work_reaches_the_caller():
+    async def main() -> None:
+        await work(lambda: 1 // 0, 0.01)
+
+    with pytest.raises(ZeroDivisionError):
+        run_virtual(main())
+
+
+def test_threads_and_sockets_are_refused_in_virtual_time():
+    async def with_thread() -> None:
+        await asyncio.to_thread(time.sleep, 0)
+
+    async def with_socket() -> None:
+        await asyncio.get_running_loop().create_server(asyncio.Protocol, "127.0.0.1", 0)
+
+    for main in (with_thread, with_socket):
+        with pytest.raises(RuntimeError, match="virtual time is for mock back ends"):
+            run_virtual(main())
+
+
+def test_a_pace_that_is_not_positive_is_refused():
+    with pytest.raises(ValueError, match="pace must be positive"):
+        VirtualClockLoop(0.0)
+
+
+def test_work_runs_in_real_time_on_an_ordinary_loop():
+    async def main() -> int:
+        return await work(lambda: 7, 1000.0)
+
+    assert asyncio.run(main()) == 7

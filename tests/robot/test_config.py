@@ -1,0 +1,124 @@
+import tomllib
+from pathlib import Path
+
+import pytest
+
+from robot.config import Config, load_config
+from robot.errors import ConfigError
+from robot.package_files import config_file, named_file, packaged
+
+DEMO = Path(__file__).parents[2] / "configs" / "demo.toml"
+
+
+def _changed(tmp_path: Path, old: str, new: str) -> Path:
+    text = DEMO.read_text()
+    assert old in text
+    path = tmp_path / "changed.toml"
+    path.write_text(text.replace(old, new))
+    return path
+
+
+def test_the_demo_configuration_loads_and_is_simulated():
+    config = load_config(DEMO)
+    assert config.simulated
+    assert config.fluid.nozzle_flow_ml_s == 12.6
+
+
+def test_an_unknown_key_is_named_with_its_path_and_the_nearest_key(tmp_path):
+    path = _changed(tmp_path, "max_ml = 12.0", "max_ml = 12.0\nmin_pulze_s = 0.1")
+    with pytest.raises(ConfigError, match=r"unknown key 'dosing\.min_pulze_s'; did you mean 'min_pulse_s'\?"):
+        load_config(path)
+
+
+def test_an_unknown_key_without_a_neighbour_lists_the_known_ones(tmp_path):
+    path = _changed(tmp_path, "max_ml = 12.0", "max_ml = 12.0\nzzz = 0.1")
+    with pytest.raises(ConfigError, match=r"unknown key 'dosing\.zzz'; known keys here: coefficient, law"):
+        load_config(path)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "path"),
+    [
+        ("valve_open_s = 0.025", "valve_open_s = 25", "fluid.valve_open_s"),  # ms for s
+        ("radius_m = 0.10", "radius_m = 100", "wheels.radius_m"),  # mm for m
+        ("cone_half_angle_rad = 0.2618", "cone_half_angle_rad = 15", "fluid.cone_half_angle_rad"),  # degrees for radians
+        ("pump_pressure_bar = 2.76", "pump_pressure_bar = 40", "fluid.pump_pressure_bar"),  # psi for bar
+        ("coefficient = 0.02 ", "coefficient = nan ", "dosing.coefficient"),
+        ("exposure_s = 0.004", "exposure_s = inf", "camera.exposure_s"),
+        ('side = "left"', 'side = "up"', "rig.side"),
+        ('backend = "mock"\ncalibration', 'backend = "hardware"\ncalibration', "camera.backend"),
+    ],
+)
+def test_an_impossible_value_is_named_with_its_path(tmp_path, old, new, path):
+    with pytest.raises(ConfigError, match=path.replace(".", r"\.")):
+        load_config(_changed(tmp_path, old, new))
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "words"),
+    [
+        ("min_ml = 1.5", "min_ml = 12.5", "min_ml must not exceed max_ml"),
+        ("max_shot_ml = 15.0", "max_shot_ml = 5.0", "exceeds safety.max_shot_ml"),
+        ("pulse_max_s = 25.5", "pulse_max_s = 1.0", "the longest pulse that the board can time"),
+        ("tank_fill_ml = 8000.0", "tank_fill_ml = 80000.0", "exceeds fluid.tank_ml"),
+        ("valve = 0, pump = 1", "valve = 1, pump = 1", "two channels share one relay number"),
+        ("datum_longitude_deg = 5.0", "", "datum_latitude_deg and datum_longitude_deg together"),
+        ("max_speed_m_s = 0.4", "max_speed_m_s = 0.1", "cruise_speed_m_s exceeds"),
+    ],
+)
+def test_values_that_contradict_each_other_are_refused_with_the_reason(tmp_path, old, new, words):
+    with pytest.raises(ConfigError, match=words):
+        load_config(_changed(tmp_path, old, new))
+
+
+def test_the_environment_overrides_a_single_value(monkeypatch):
+    monkeypatch.setenv("SPRAYER_DOSING__MAX_ML", "7")
+    assert load_config(DEMO).dosing.max_ml == 7.0
+
+
+def test_a_wrong_key_in_the_environment_is_refused(monkeypatch):
+    monkeypatch.setenv("SPRAYER_DOSING__MAXX_ML", "7")
+    with pytest.raises(ConfigError, match=r"dosing\.maxx_ml"):
+        load_config(DEMO)
+
+
+def test_a_file_that_is_no_toml_is_named_with_the_line(tmp_path):
+    path = tmp_path / "broken.toml"
+    path.write_text("[robot]\nname = \n")
+    with pytest.raises(ConfigError, match=r"broken\.toml: not valid TOML .*line 2"):
+        load_config(path)
+
+
+def test_a_missing_file_lists_the_configurations_that_came_along():
+    with pytest.raises(ConfigError, match=r"no such configuration file.*demo\.toml"):
+        load_config(Path("nowhere.toml"))
+
+
+def test_a_packaged_configuration_is_found_from_any_directory(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    assert config_file(Path("configs/demo.toml")) == packaged("configs") / "demo.toml"
+    assert config_file(Path("demo.toml")) == packaged("configs") / "demo.toml"
+
+
+def test_a_file_beside_the_configuration_wins_over_the_packaged_one(tmp_path):
+    (tmp_path / "calibration").mkdir()
+    mine = tmp_path / "calibration" / "demo.json"
+    mine.write_text("{}")
+    assert named_file("calibration/demo.json", tmp_path / "my.toml") == mine
+
+
+def test_a_named_file_that_is_nowhere_is_an_error(tmp_path):
+    with pytest.raises(ConfigError, match="names 'gone.json'"):
+        named_file("gone.json", tmp_path / "my.toml")
+
+
+def test_the_hash_changes_with_any_value(tmp_path):
+    changed = load_config(_changed(tmp_path, "max_ml = 12.0", "max_ml = 11.0"))
+    assert changed.content_hash() != load_config(DEMO).content_hash()
+    assert load_config(DEMO).content_hash() == load_config(DEMO).content_hash()
+
+
+def test_the_models_are_frozen():
+    config = Config(**tomllib.loads(DEMO.read_text()))
+    with pytest.raises(ValueError, match="frozen"):
+        config.dosing.max_ml = 100.0
