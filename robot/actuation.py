@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import math
 from collections.abc import Awaitable, Callable
 from dataclasses import dataclass
 
@@ -20,7 +21,7 @@ from robot.clock import work
 from robot.errors import SprayerError
 from robot.ledger import Ledger
 from robot.ledger.values import Intent, Outcome, Result
-from robot.safety.timing import CLOSE_DEADLINE_S, CLOSE_TRIES
+from robot.safety.timing import CLOSE_DEADLINE_S, CLOSE_TRIES, FRAME_MOTION_MAX_M
 
 LEDGER_WRITE_S = 0.002  # modelled duration of one durable transaction in virtual time
 METER_SETTLE_S = 0.15   # after the valve is shut, until the flow meter has counted its last pulse
@@ -131,9 +132,10 @@ class Actuation:
     def tank_left_ml(self) -> float:
         return self._tank_left_ml
 
-    @property
-    def board_quantum_s(self) -> float:
-        return self._relay.capability.pulse_quantum_s
+    def board_pulse_s(self, open_s: float) -> float:
+        """The board's own timer for an opening: the next multiple of its quantum."""
+        quantum_s = self._relay.capability.pulse_quantum_s
+        return quantum_s * math.ceil(open_s / quantum_s - 1e-9)
 
     def begin_task(self, task_id: int, tank_left_ml: float, task_ml: float, target_ml: dict[int, float]) -> None:
         """Which task the ledger books on, and what earlier runs of it gave."""
@@ -203,6 +205,12 @@ class Actuation:
         """The base stands where it stood when the newest frame was taken: motion is counted from here."""
         self._frame_mark = self._readings.odometry
 
+    @property
+    def base_moved(self) -> bool:
+        """Whether the base rolled so far since the frame that a new one is needed."""
+        now = self._readings.odometry
+        return now is None or self._moved_since_frame_m(now) > FRAME_MOTION_MAX_M
+
     def _moved_since_frame_m(self, now: Odometry) -> float:
         mark = self._frame_mark
         if mark is None:
@@ -239,7 +247,8 @@ class Actuation:
             ("arm", self._arm.hold),
             ("pump", lambda: self._relay.cancel(Channel.PUMP)),
         )
-        return await asyncio.shield(asyncio.gather(*(self._stop_part(name, action) for name, action in parts)))
+        stopped = asyncio.gather(*(self._stop_part(name, action) for name, action in parts))
+        return tuple(await asyncio.shield(stopped))
 
     async def _stop_part(self, name: str, action: Callable[[], Awaitable[None]]) -> PartStopped:
         error = ""
@@ -252,6 +261,20 @@ class Actuation:
             else:
                 return PartStopped(name, "")
         return PartStopped(name, error)
+
+    async def energise(self, lamp: bool) -> None:
+        """Before arming: main contactor and beacon on, and the lamp when it is wanted."""
+        wanted = {Channel.CONTACTOR, Channel.BEACON} | ({Channel.LAMP} if lamp else set())
+        for channel in sorted(wanted & self._relay.channels):
+            await self._relay.switch(channel, True)
+        await self._arm.torque(True)
+        await self.poll_arm()
+        await self.poll_relay()
+
+    async def de_energise(self) -> tuple[PartStopped, ...]:
+        """Everything off at the relay board; the arm goes on holding."""
+        self._pump_wanted = False
+        return (await self._stop_part("relay board", self._relay.all_off),)
 
     # --- base and arm -----------------------------------------------------------------------------------------
 
@@ -416,6 +439,7 @@ class Actuation:
             closing = await self._stop_part("valve", self._read_back_shut)
         if closing.error:
             problem = f"{problem} close unconfirmed: {closing.error}".strip()
+            await self._stop_part("contactor", lambda: self._relay.switch(Channel.CONTACTOR, False))
             await self.stop(f"the valve's closing is unconfirmed ({closing.error})")
         return await self._book(order, shut_s - opened_s, problem)
 

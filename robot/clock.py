@@ -62,7 +62,12 @@ class VirtualClockLoop(asyncio.SelectorEventLoop):
         self, when: float, callback: Callable[[Unpack[Ts]], object], *args: *Ts, context: Context | None = None
     ) -> asyncio.TimerHandle:
         heapq.heappush(self._timers_s, when)
-        return super().call_at(when, callback, *args, context=context)
+        return super().call_at(when, self._run_timer, when, callback, args, context=context)
+
+    def _run_timer(self, when: float, callback: Callable[[Unpack[Ts]], object], args: tuple[*Ts]) -> None:
+        """asyncio runs timers up to its clock's resolution early; here the clock is moved on, so that none is early."""
+        self._now_s = max(self._now_s, when)
+        callback(*args)
 
     def idle(
         self, wait: Callable[[float | None], list[tuple[selectors.SelectorKey, int]]]

@@ -114,11 +114,17 @@ class TwinSection(_Section):
     """The simulated greenhouse behind mock and emulated back ends."""
 
     seed: int = 1
-    hour: Annotated[float, _between(0.0, 24.0)] = 12.0
+    hour: Annotated[float, _between(8.0, 20.0)] = 12.0
     weather: Literal["clear", "overcast"] = "clear"
     gps: Literal["none", "single", "dgps", "rtk_float", "rtk_fixed"] = "rtk_fixed"
-    fruits_per_plant: Annotated[float, _between(0.0, 20.0)] = 5.0
-    plant_spacing_m: Annotated[float, _between(0.2, 2.0)] = 0.45
+    fruits_per_plant: Annotated[float, _between(0.0, 12.0)] = 5.0
+
+
+class PlantsSection(_Section):
+    """The planting, as the grower knows it: where strings or canes stand that the arm must not touch."""
+
+    stem_distance_m: Annotated[float, _between(0.5, 1.2)]
+    spacing_m: Annotated[float, _between(0.2, 2.0)]
 
 
 class VisionSection(_Section):
@@ -205,7 +211,9 @@ class TaskSection(_Section):
 
 class NavigationSection(_Section):
     route: str
+    row: str | None = None
     landmarks: bool = True
+    ahead_m: Annotated[float, _between(0.0, 2.0)] = 0.25
     cruise_speed_m_s: Annotated[float, _between(0.01, 1.0)] = 0.25
     datum_latitude_deg: Annotated[float, _between(-90.0, 90.0)] | None = None
     datum_longitude_deg: Annotated[float, _between(-180.0, 180.0)] | None = None
@@ -232,6 +240,7 @@ class Config(BaseSettings):
     gps: GpsSection
     modem: ModemSection
     wheels: WheelsSection
+    plants: PlantsSection
     twin: TwinSection = TwinSection()
     vision: VisionSection
     targets: TargetsSection = TargetsSection()

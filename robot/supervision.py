@@ -47,6 +47,7 @@ class Supervisor:
         self._group = group
         self._on_fault = on_fault
         self._tasks: dict[str, TaskHealth] = {}
+        self._running: list[asyncio.Task[None]] = []
 
     @property
     def health(self) -> tuple[TaskHealth, ...]:
@@ -58,11 +59,16 @@ class Supervisor:
         """Run ``step`` every ``period_s`` while the group lives; a ``DeviceError`` is retried with back-off."""
         now_s = asyncio.get_running_loop().time()
         self._tasks[name] = TaskHealth(name, owner, longest_silence_s, Health.STARTING, now_s, now_s, "")
-        self._group.create_task(self._run(name, step, period_s), name=name)
+        self._running.append(self._group.create_task(self._run(name, step, period_s), name=name))
 
     def watch(self) -> None:
         """Start the task that notices silence."""
-        self._group.create_task(self._watch(), name="supervisor")
+        self._running.append(self._group.create_task(self._watch(), name="supervisor"))
+
+    def stop(self) -> None:
+        """End every task that was started here."""
+        for task in self._running:
+            task.cancel()
 
     async def _run(self, name: str, step: Callable[[], Awaitable[None]], period_s: float) -> None:
         retry_s = FIRST_RETRY_S

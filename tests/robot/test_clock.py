@@ -94,3 +94,15 @@ def test_work_runs_in_real_time_on_an_ordinary_loop():
         return await work(lambda: 7, 1000.0)
 
     assert asyncio.run(main()) == 7
+
+
+def test_a_timer_never_runs_early_however_near_it_is():
+    async def main() -> float:
+        loop = asyncio.get_running_loop()
+        await asyncio.sleep(4.1)
+        due_s = loop.time() + 3e-10  # below asyncio's own clock resolution
+        while loop.time() < due_s:
+            await asyncio.sleep(due_s - loop.time())
+        return loop.time() - due_s
+
+    assert run_virtual(main()) >= 0.0

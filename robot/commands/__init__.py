@@ -1,0 +1,1 @@
+"""The commands of ``sprayer``, one file each; ``robot.cli`` puts them together."""

@@ -1,0 +1,126 @@
+"""``sprayer run``: one life of the robot."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+import sys
+from dataclasses import asdict
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from robot.clock import run_virtual
+from robot.commands.live import LiveView
+from robot.config import Config, load_config
+from robot.errors import FileError, UsageError
+from robot.events import Bus
+from robot.ledger import LedgerReader
+from robot.mission import State
+from robot.package_files import config_file
+from robot.runtime import RunOptions, RunResult, ledger_path, run_robot
+from robot.targets import TargetState
+
+ConfigOption = Annotated[Path, typer.Option("--config", help="Configuration file, or the name of one that came along.")]
+SeedOption = Annotated[int | None, typer.Option("--seed", min=0, help="Seed of the simulated greenhouse and machine.")]
+SpeedOption = Annotated[
+    float, typer.Option("--speed", min=0.0, help="Simulated seconds a second; 0 is as fast as the machine can.")
+]
+
+
+def run(
+    config: ConfigOption,
+    seed: SeedOption = None,
+    start: Annotated[bool, typer.Option("--start", help="Arm and start at once (simulation), or after a yes.")] = False,
+    resume: Annotated[bool, typer.Option("--resume", help="Go on with the last row instead of a new one.")] = False,
+    summary: Annotated[Path | None, typer.Option("--summary", help="Write the result to this JSON file.")] = None,
+    truth: Annotated[Path | None, typer.Option("--truth", help="Where the simulation writes what happened.")] = None,
+    speed: SpeedOption = 1.0,
+    out: Annotated[Path | None, typer.Option("--out", help="Run directory; default from the configuration.")] = None,
+) -> int:
+    """Come up disarmed and wait; with --start treat the row. Ctrl-C or SIGTERM stops clean at any moment."""
+    settings = load_with_seed(config, seed)
+    if resume and not start:
+        raise UsageError("--resume goes on with a row, so it needs --start as well")
+    if start and not settings.simulated:
+        _confirm(settings)
+    options = RunOptions(config_file(config), out or settings.robot.run_directory, start, resume, truth)
+    result = run_with_view(settings, options, speed)
+    if summary is not None:
+        write_json(summary, describe(result, options.folder))
+    if result.dangling:
+        sys.stderr.write(
+            f"sprayer: {len(result.dangling)} shot(s) of an earlier run had no outcome and were booked as full pulses\n"
+        )
+    return 0 if result.state is State.DONE or not start or _stopped_by_signal(result) else 1
+
+
+def load_with_seed(path: Path, seed: int | None) -> Config:
+    """The configuration, with the simulation's seed replaced when one is given."""
+    config = load_config(path)
+    if seed is None:
+        return config
+    return config.model_copy(update={"twin": config.twin.model_copy(update={"seed": seed})})
+
+
+def run_with_view(config: Config, options: RunOptions, speed: float) -> RunResult:
+    """Run the robot with live progress on the terminal: simulated back ends in virtual time, others in real time."""
+
+    async def life() -> RunResult:
+        bus = Bus()
+        async with LiveView(bus):
+            return await run_robot(config, options, bus)
+
+    try:
+        if config.simulated:
+            return run_virtual(life(), pace=speed or None)
+        return asyncio.run(life())
+    except ExceptionGroup as group:
+        raise single_error(group) from group
+
+
+def single_error(group: ExceptionGroup[Exception]) -> Exception:
+    """The first error of a group of tasks, which is the one that ended the others."""
+    first = group.exceptions[0]
+    return single_error(first) if isinstance(first, ExceptionGroup) else first
+
+
+def describe(result: RunResult, folder: Path) -> dict[str, Any]:
+    """The result of a run as plain values, with the ledger's sums."""
+    out: dict[str, Any] = {
+        "state": str(result.state),
+        "mode": str(result.mode),
+        "causes": list(result.causes),
+        "task": result.task_id,
+        "duration_s": round(result.duration_s, 3),
+        "dangling": [{"task": item.task_id, **asdict(item.intent)} for item in result.dangling],
+        "ledger": str(ledger_path(folder)),
+    }
+    if result.task_id is not None:
+        with LedgerReader.open_read_only(ledger_path(folder)) as ledger:
+            totals = ledger.totals(result.task_id)
+            targets = ledger.targets(result.task_id)
+        out["booked_ml"] = round(totals.booked_ml, 3)
+        out["pending_ml"] = round(totals.pending_ml, 3)
+        out["targets"] = {str(state): sum(target.state is state for target in targets) for state in TargetState}
+    return out
+
+
+def write_json(path: Path, content: dict[str, Any]) -> None:
+    try:
+        path.write_text(json.dumps(content, indent=2) + "\n", encoding="utf-8")
+    except OSError as error:
+        raise FileError(f"{path}: cannot be written ({error.strerror}); choose another place") from error
+
+
+def _stopped_by_signal(result: RunResult) -> bool:
+    return any(cause.startswith("stopped by SIG") for cause in result.causes)
+
+
+def _confirm(config: Config) -> None:
+    if not sys.stdin.isatty():
+        raise UsageError("--start with real hardware must be confirmed at a terminal; start it by hand")
+    sys.stdout.write(f"{config.robot.name}: this arms REAL hardware with {config.task.product}.\n")
+    if typer.prompt("Type 'spray' to start", default="", show_default=False) != "spray":
+        raise UsageError("not confirmed; nothing was started")

@@ -1,0 +1,85 @@
+"""What the ledger keeps beside the shots, and what a reader gets."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from datetime import datetime
+
+from robot.ledger.values import Intent, Outcome, Result
+
+
+@dataclass(frozen=True, slots=True)
+class StopRecord:
+    """One detection at a stop: where the rover should be and believes to be (row frame), and what it saw.
+
+    ``frame_file`` is a file name in the run's folder, "" when no frame was kept. ``light_level`` is the frame's mean
+    grey, 0..255. ``stamp_s`` is the frame's.
+    """
+
+    row: str
+    stop: int
+    planned_x_m: float
+    x_m: float
+    y_m: float
+    heading_rad: float
+    stamp_s: float
+    frame_file: str
+    light_level: float
+    fruits_seen: int
+
+
+@dataclass(frozen=True, slots=True)
+class StopRow:
+    """A stop as it stands in the ledger."""
+
+    run_id: int
+    record: StopRecord
+    utc: datetime
+
+
+@dataclass(frozen=True, slots=True)
+class EventRow:
+    """A state change or fault, in the order of writing."""
+
+    id: int
+    run_id: int
+    kind: str
+    text: str
+    stamp_s: float
+    utc: datetime
+
+
+@dataclass(frozen=True, slots=True)
+class ShotRow:
+    """One pulse: its intent, and its result (None while the valve may be open, or after a crash)."""
+
+    intent_id: int
+    task_id: int
+    run_id: int
+    intent: Intent
+    utc: datetime
+    result: Result | None
+    result_utc: datetime | None
+
+
+@dataclass(frozen=True, slots=True)
+class Totals:
+    """Sums of a task. ``pending_ml`` is the full pulse of every intent without a result.
+
+    What left the nozzle is at most ``booked_ml + pending_ml``.
+    """
+
+    booked_ml: float
+    pending_ml: float
+    measured_ml: float
+    pulses: Mapping[Outcome, int]
+
+
+@dataclass(frozen=True, slots=True)
+class TaskRow:
+    """A task with its number, start and the runs that worked on it."""
+
+    task_id: int
+    run_id: int
+    utc: datetime

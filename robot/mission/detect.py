@@ -1,0 +1,110 @@
+"""DETECT: take a pair, find the fruit, place them in the row, and keep the book."""
+
+from __future__ import annotations
+
+from drivers.camera.values import StereoFrame
+from robot import navigation
+from robot.clock import work
+from robot.geometry import Pose2
+from robot.ledger import StopRecord
+from robot.mission.context import MissionContext
+from robot.mission.events import FrameSeen
+from robot.mission.transitions import Event
+from robot.safety.timing import FRAME_MOTION_MAX_M
+from robot.targets import Book, Match, Sighting, TargetState, match, observe, sighting, wanted, with_state
+from robot.vision.values import Fruit
+
+OLDEST_PROOF_S = 0.3
+
+
+async def detect(context: MissionContext) -> Event:
+    """One look. BASE_MOVED when odometry cannot prove that the base stood still through the exposure."""
+    context.actuation.mark_frame()
+    before = context.actuation.odometry
+    frame = await context.camera.capture()
+    await context.actuation.poll_odometry()
+    after = context.actuation.odometry
+    if before is None or after is None or abs(after.left_m - before.left_m) > FRAME_MOTION_MAX_M:
+        return Event.BASE_MOVED
+    context.localiser.on_odometry(after)
+    settings = context.settings
+    detector, rig = context.detector, context.rig
+    fruits = await work(lambda: detector.detect(frame.left, frame.right, rig), settings.detect_duration_s)
+    pose = _correct_pose(context, fruits, frame.stamp_s)
+    book, matches = observe(context.progress.book, _sightings(context, fruits, pose), frame.stamp_s, settings.book)
+    await context.keep(_judged(book, context))
+    context.progress.frame_pose = pose
+    context.progress.seen = frozenset(item.target_id for item in matches)
+    await _record(context, frame, fruits, matches, pose)
+    return Event.TARGETS if chosen(context) else Event.NO_TARGETS
+
+
+def chosen(context: MissionContext) -> tuple[int, ...]:
+    """Wanted targets of this frame that are not too far ahead: those are left to the next stop."""
+    stops = context.settings.row.stops
+    last = context.progress.stop >= len(stops)
+    limit_m = float("inf") if last else context.stop_here().x_m + context.settings.ahead_m
+    return tuple(
+        target.id
+        for target in context.progress.book.pending()
+        if target.id in context.progress.seen
+        and wanted(target, context.settings.policy).wanted
+        and float(target.centre_m[0]) <= limit_m
+    )
+
+
+def _sightings(context: MissionContext, fruits: tuple[Fruit, ...], pose: Pose2) -> tuple[Sighting, ...]:
+    row_from_camera = pose.transform() @ context.settings.base_from_camera
+    return tuple(sighting(fruit, row_from_camera) for fruit in fruits)
+
+
+def _correct_pose(context: MissionContext, fruits: tuple[Fruit, ...], stamp_s: float) -> Pose2:
+    """The pose at the frame, corrected by the fruits that the book knows already."""
+    pose = context.localiser.pose_at(stamp_s)
+    if not context.settings.landmarks:
+        return pose
+    known = match(context.progress.book, _sightings(context, fruits, pose), context.settings.book)
+    shift = navigation.estimate_shift([item.offset_m for item in known])
+    if shift is None:
+        return pose
+    context.localiser.on_landmarks(pose, shift, stamp_s)
+    return context.localiser.pose_at(stamp_s)
+
+
+def _judged(book: Book, context: MissionContext) -> Book:
+    """Apply the policy to what may still be sprayed; a later look may change its word.
+
+    A target with thin evidence stays open, with the reason, until the row is done.
+    """
+    for target in book.in_state(TargetState.OPEN, TargetState.NOT_WANTED):
+        verdict = wanted(target, context.settings.policy)
+        state = TargetState.NOT_WANTED if verdict.state is TargetState.NOT_WANTED else TargetState.OPEN
+        if (state, verdict.reason) != (target.state, target.reason):
+            book = with_state(book, target.id, state, verdict.reason)
+    return book
+
+
+def frame_file(stop: int) -> str:
+    """Under which name the annotated frame of a stop is kept."""
+    return f"stop_{stop:03d}.jpg"
+
+
+async def _record(
+    context: MissionContext, frame: StereoFrame, fruits: tuple[Fruit, ...], matches: tuple[Match, ...], pose: Pose2
+) -> None:
+    stop = context.progress.stop
+    ids = {item.index: item.target_id for item in matches}
+    context.publish(FrameSeen(stop, frame, fruits, tuple(ids.get(i, 0) for i in range(len(fruits)))))
+    record = StopRecord(
+        row=context.settings.row.name,
+        stop=stop,
+        planned_x_m=context.stop_here().x_m,
+        x_m=pose.x_m,
+        y_m=pose.y_m,
+        heading_rad=pose.heading_rad,
+        stamp_s=frame.stamp_s,
+        frame_file=frame_file(stop),
+        light_level=float(frame.left.mean()),
+        fruits_seen=len(fruits),
+    )
+    await context.write(lambda: context.ledger.record_stop(context.task_id, record))

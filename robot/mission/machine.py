@@ -1,0 +1,86 @@
+"""Runs the state machine: one cancellable task a state, transitions from the table, no state without a reason."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Awaitable, Callable
+
+from drivers.errors import DeviceError
+from robot import safety
+from robot.errors import SprayerError
+from robot.mission.aim import aim
+from robot.mission.context import MissionContext
+from robot.mission.detect import detect
+from robot.mission.events import StateEntered, Trouble
+from robot.mission.move import move
+from robot.mission.spray import spray
+from robot.mission.stop import stop
+from robot.mission.transitions import Event, State, next_state
+
+StateTask = Callable[[MissionContext], Awaitable[Event]]
+
+STATE_TASKS: dict[State, StateTask] = {
+    State.MOVE: move,
+    State.STOP: stop,
+    State.DETECT: detect,
+    State.AIM: aim,
+    State.SPRAY: spray,
+}
+
+
+class Mission:
+    """One pass over a route. ``run`` returns DONE, or IDLE when it was halted; it can be run again to go on."""
+
+    def __init__(self, context: MissionContext) -> None:
+        self._context = context
+        self._task: asyncio.Task[Event] | None = None
+        self.state = State.IDLE
+
+    def mode_changed(self, state: safety.SafetyState) -> None:
+        """Leaving AUTO cancels the state's task."""
+        if state.mode is not safety.Mode.AUTO and self._task is not None:
+            self._task.cancel()
+
+    async def run(self) -> State:
+        self.state, reason = State.IDLE, "start"
+        event = Event.STARTED
+        while True:
+            self.state = next_state(self.state, event)
+            await self._enter(reason)
+            if self.state not in STATE_TASKS:
+                return self.state
+            event = await self._run_state(STATE_TASKS[self.state])
+            reason = str(event)
+
+    async def _enter(self, reason: str) -> None:
+        context = self._context
+        context.publish(
+            StateEntered(self.state, reason, context.now_s(), context.progress.stop, len(context.settings.row.stops))
+        )
+        await context.record("state", f"{self.state} ({reason})")
+
+    async def _run_state(self, state_task: StateTask) -> Event:
+        if not self._in_auto():
+            return Event.HALTED
+        self._task = asyncio.create_task(_as_coroutine(state_task(self._context)), name=f"state {self.state}")
+        try:
+            return await self._task
+        except asyncio.CancelledError:
+            if self._in_auto():
+                raise  # the whole mission is being cancelled, not just the state
+            return Event.HALTED
+        except (DeviceError, SprayerError) as error:
+            self._context.publish(Trouble(str(error), self._context.now_s()))
+            await self._context.actuation.stop(f"{self.state}: {error}")
+            return Event.HALTED
+        finally:
+            if not self._task.done():
+                self._task.cancel()
+            self._task = None
+
+    def _in_auto(self) -> bool:
+        return self._context.actuation.state.mode is safety.Mode.AUTO
+
+
+async def _as_coroutine(awaitable: Awaitable[Event]) -> Event:
+    return await awaitable

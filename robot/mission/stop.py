@@ -1,0 +1,34 @@
+"""STOP: halt, settle, and know where the base stands."""
+
+from __future__ import annotations
+
+import asyncio
+
+from drivers.errors import DeviceTimeout
+from robot.mission.context import MissionContext
+from robot.mission.transitions import Event
+from robot.safety.timing import BASE_STILL_M_S
+
+STILL_FOR_S = 0.3
+
+
+async def stop(context: MissionContext) -> Event:
+    """Returns when odometry has shown standstill for ``STILL_FOR_S``; ``DeviceTimeout`` when it never does."""
+    await context.actuation.halt_base()
+    begun_s = context.now_s()
+    still_since_s: float | None = None
+    while True:
+        reading = context.actuation.odometry
+        if reading is None or abs(reading.speed_m_s) > BASE_STILL_M_S:
+            still_since_s = None
+        elif still_since_s is None:
+            still_since_s = reading.stamp_s
+        elif reading.stamp_s - still_since_s >= STILL_FOR_S:
+            await context.checkpoint()
+            return Event.SETTLED
+        if context.now_s() - begun_s > context.settings.stop_timeout_s:
+            found = "no reading" if reading is None else f"{reading.speed_m_s:.3f} m/s"
+            raise DeviceTimeout(
+                "wheels", f"standstill within {context.settings.stop_timeout_s} s", found, "check the drive's brake"
+            )
+        await asyncio.sleep(0.05)

@@ -1,0 +1,67 @@
+"""The result as rows of label and value, for the terminal and the page."""
+
+from __future__ import annotations
+
+from robot.report.evidence import Evidence
+from robot.report.score import Score, seconds_a_target, skipped_by_reason
+from robot.targets import TargetState
+
+Row = tuple[str, str]
+
+
+def score_rows(score: Score) -> tuple[Row, ...]:
+    """The result of a simulated row."""
+    rows = [
+        ("Fruits in the row", str(score.fruits)),
+        ("clearly visible from a stop", str(score.visible)),
+    ]
+    if score.reachable is not None:
+        rows.append(("reachable from a stop", str(score.reachable)))
+    wanted = "visible" if score.reachable is None else "visible and reachable"
+    rows += [
+        ("seen", str(score.seen)),
+        ("sprayed", str(score.sprayed)),
+        (f"sprayed of those {wanted}", f"{score.sprayed_of_wanted} of {score.wanted}" + _in(score.wanted_percent)),
+        ("sprayed twice", str(score.sprayed_twice)),
+        ("Phantoms", f"{score.phantoms} of {score.targets_sprayed} targets sprayed"),
+        *((f"skipped, {reason}", str(count)) for reason, count in score.skipped.items()),
+        ("Liquid on the fruit", figure(score.on_fruit_percent, "%")),
+        ("Seconds a target", figure(score.seconds_a_target, "s")),
+        ("Delivered against commanded, median", figure(score.delivered_vs_commanded_median_percent, "%")),
+        ("Delivered against commanded, 95th percentile", figure(score.delivered_vs_commanded_p95_percent, "%")),
+        ("Delivered against due of the true fruit, median", figure(score.delivered_vs_due_median_percent, "%")),
+        ("Position error, median", figure(score.position_error_median_mm, "mm")),
+        ("Position error, 95th percentile", figure(score.position_error_p95_mm, "mm")),
+        ("Booked", f"{score.booked_ml:.1f} ml"),
+        ("Delivered (truth)", f"{score.delivered_ml:.1f} ml"),
+    ]
+    return tuple(rows)
+
+
+def ledger_rows(evidence: Evidence) -> tuple[Row, ...]:
+    """The result as far as the robot itself knows it."""
+    states = [target.state for target in evidence.targets]
+    sprayed = sum(state in (TargetState.SPRAYED, TargetState.UNCERTAIN) for state in states)
+    totals = evidence.totals
+    measured = [
+        s.result.measured_ml for s in evidence.shots if s.result is not None and s.result.measured_ml is not None
+    ]
+    return (
+        ("Targets found", str(len(states))),
+        ("sprayed", str(states.count(TargetState.SPRAYED))),
+        ("uncertain (booked in full)", str(states.count(TargetState.UNCERTAIN))),
+        *((f"skipped, {reason}", str(count)) for reason, count in skipped_by_reason(evidence.targets).items()),
+        ("Seconds a target", figure(seconds_a_target(evidence, sprayed), "s")),
+        ("Booked", f"{totals.booked_ml:.1f} ml"),
+        ("Pending (valve may be open)", f"{totals.pending_ml:.1f} ml"),
+        ("Measured by the flow meter", f"{totals.measured_ml:.1f} ml" if measured else "no flow meter"),
+    )
+
+
+def figure(value: float | None, unit: str) -> str:
+    """One decimal and the unit, or a dash."""
+    return "–" if value is None else f"{value:.1f} {unit}"
+
+
+def _in(percent: float | None) -> str:
+    return "" if percent is None else f" ({percent:.0f} %)"

@@ -1,0 +1,122 @@
+"""The only place that knows concrete back ends: from the configuration's ``backend`` to objects behind contracts."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from contextlib import AsyncExitStack
+from dataclasses import dataclass
+from pathlib import Path
+
+from drivers.arm.mock import MockArm
+from drivers.camera.mock import MockCamera
+from drivers.gps.mock import MockGps
+from drivers.inputs.mock import MockInputs
+from drivers.modem.mock import MockModem
+from drivers.relay.mock import MockRelay
+from drivers.wheels.mock import MockWheels
+
+from drivers.arm.interface import Arm
+from drivers.camera.interface import StereoCamera
+from drivers.gps.interface import Gps
+from drivers.gps.values import FixQuality
+from drivers.inputs.interface import Inputs
+from drivers.modem.interface import Modem
+from drivers.relay.interface import RelayBoard
+from drivers.relay.values import Channel
+from drivers.twin.aftermath import resume_from
+from drivers.twin.machine import Twin
+from drivers.twin.nominal import Nominal
+from drivers.twin.optics import StereoOptics
+from drivers.twin.scene import Scene
+from drivers.twin.truth import TruthLog
+from drivers.wheels.interface import Wheels
+from robot.config import Config
+from robot.navigation import Row
+from robot.runtime.settings import mounts
+from robot.vision.stereo_rig import StereoRig
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Devices:
+    """Every device of the rover, each behind its contract."""
+
+    camera: StereoCamera
+    arm: Arm
+    relay: RelayBoard
+    inputs: Inputs
+    gps: Gps
+    modem: Modem
+    wheels: Wheels
+
+    async def open(self, stack: AsyncExitStack) -> None:
+        """Open all; the stack closes them in the reverse order, the relay last."""
+        for device in (self.relay, self.inputs, self.wheels, self.arm, self.camera, self.gps, self.modem):
+            await device.open()
+            stack.push_async_callback(device.close)
+
+
+def make_twin(
+    config: Config, row: Row, rig: StereoRig, urdf_text: str, truth: Path | None, resume: bool
+) -> Twin:
+    """The simulated machine behind mock back ends; ``resume`` goes on where the truth file's last process ended."""
+    seed = config.twin.seed
+    base_from_camera, base_from_arm = mounts(config)
+    nominal = Nominal(
+        optics=StereoOptics(
+            rig.image_size, rig.K_left, rig.K_right, rig.dist_left, rig.dist_right, rig.R, rig.t_m
+        ),
+        base_from_camera=base_from_camera.matrix(),
+        base_from_arm=base_from_arm.matrix(),
+        urdf_text=urdf_text,
+        stow_rad=config.arm.stow_rad,
+        joint_velocity_rad_s=config.arm.max_velocity_rad_s,
+        joint_acceleration_rad_s2=config.arm.max_acceleration_rad_s2,
+        nozzle_flow_ml_s=config.fluid.nozzle_flow_ml_s,
+        nozzle_pressure_bar=config.fluid.nozzle_pressure_bar,
+        cone_half_angle_rad=config.fluid.cone_half_angle_rad,
+        valve_open_s=config.fluid.valve_open_s,
+        valve_close_s=config.fluid.valve_close_s,
+        pump_pressure_bar=config.fluid.pump_pressure_bar,
+        tank_ml=config.fluid.tank_ml,
+        tank_fill_ml=config.task.tank_fill_ml,
+        flow_meter_pulses_per_l=1000.0 / config.fluid.meter_ml_per_pulse,
+        wheel_radius_m=config.wheels.radius_m,
+        track_m=config.wheels.track_m,
+        max_speed_m_s=config.wheels.max_speed_m_s,
+        max_acceleration_m_s2=config.wheels.max_acceleration_m_s2,
+        channels=frozenset(Channel),
+        pulse_quantum_s=config.relay.pulse_quantum_s,
+        pulse_max_s=config.relay.pulse_max_s,
+        exposure_s=config.camera.exposure_s,
+        gain=config.camera.gain,
+        gps_latitude_deg=config.navigation.datum_latitude_deg or 0.0,
+        gps_longitude_deg=config.navigation.datum_longitude_deg or 0.0,
+        gps_row_heading_rad=config.navigation.datum_heading_rad,
+        gps_quality=FixQuality[config.twin.gps.upper()],
+    )
+    scene = Scene(
+        seed=seed,
+        hour=config.twin.hour,
+        weather=config.twin.weather,
+        row_length_m=row.length_m,
+        side=row.side,
+        plant_spacing_m=config.plants.spacing_m,
+        stem_distance_m=config.plants.stem_distance_m,
+        fruits_per_plant=config.twin.fruits_per_plant,
+    )
+    if resume and truth is not None:
+        return resume_from(truth, nominal, scene, seed)
+    return Twin(nominal, scene, seed, TruthLog(truth))
+
+
+def make_devices(twin: Twin, clock: Callable[[], float]) -> Devices:
+    """Mock back ends on one twin; ``clock`` is the loop's time."""
+    return Devices(
+        camera=MockCamera(twin, clock),
+        arm=MockArm(twin, clock),
+        relay=MockRelay(twin, clock),
+        inputs=MockInputs(twin, clock),
+        gps=MockGps(twin, clock),
+        modem=MockModem(twin, clock),
+        wheels=MockWheels(twin, clock),
+    )

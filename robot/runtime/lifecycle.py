@@ -1,0 +1,309 @@
+"""Brings the robot up, disarmed; runs a mission when told to; takes it down clean at any moment."""
+
+from __future__ import annotations
+
+import asyncio
+import signal
+import uuid
+from contextlib import AsyncExitStack
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from pathlib import Path
+
+from drivers.errors import DeviceError
+from robot import safety
+from robot.actuation import Actuation
+from robot.calibration_file import load_rig
+from robot.config import Config
+from robot.errors import ConfigError, FileError, UnavailableError, UsageError
+from robot.events import Bus
+from robot.geometry import Pose2
+from robot.ledger import Ledger
+from robot.ledger.values import Checkpoint, Dangling, Task
+from robot.mission import Localiser, Mission, MissionContext, MissionSettings, Progress, State, Trouble
+from robot.package_files import named_file
+from robot.runtime.devices import Devices, make_devices, make_twin
+from robot.runtime.recorder import FrameRecorder
+from robot.runtime.settings import hand_settings, limits, load_arm, load_row, mission_settings, task
+from robot.safety.failsafe import Action, action_for
+from robot.supervision import Supervisor
+from robot.targets import book_of
+from robot.vision.detector import Detector
+from robot.vision.make import make_detector
+from robot.vision.stereo_rig import StereoRig
+
+FIRST_READINGS_S = 3.0
+FARTHEST_COAST_M = 2.0  # how far the counters may have gone on between the last checkpoint and a resume
+
+
+@dataclass(frozen=True, slots=True)
+class RunOptions:
+    """What the command line adds to the configuration."""
+
+    config_path: Path
+    folder: Path
+    start: bool
+    resume: bool
+    truth: Path | None
+
+
+@dataclass(frozen=True, slots=True)
+class RunResult:
+    """How a run ended. ``causes`` are the reasons of a latched stop; ``dangling`` what an earlier run left open."""
+
+    state: State
+    mode: safety.Mode
+    causes: tuple[str, ...]
+    task_id: int | None
+    dangling: tuple[Dangling, ...]
+    duration_s: float
+
+
+@dataclass(frozen=True, slots=True)
+class ModeChanged:
+    """Safety's mode since ``stamp_s``, with the causes of a latched one."""
+
+    mode: safety.Mode
+    causes: tuple[str, ...]
+    stamp_s: float
+
+
+@dataclass(frozen=True, slots=True)
+class RunBegan:
+    """Published once the robot is up. ``waiting`` when it stays disarmed."""
+
+    task_id: int | None
+    dangling: tuple[Dangling, ...]
+    waiting: bool
+    stops: int
+
+
+def ledger_path(folder: Path) -> Path:
+    return folder / "ledger.sqlite"
+
+
+def frames_folder(folder: Path) -> Path:
+    return folder / "frames"
+
+
+async def run_robot(config: Config, options: RunOptions, bus: Bus) -> RunResult:
+    """One life of the robot, from boot to shutdown. SIGINT and SIGTERM end it clean.
+
+    Raises ``SprayerError`` for what keeps it from coming up; a mission that was stopped is a result, not an error.
+    """
+    arm_model, urdf_text = load_arm(config, options.config_path)
+    row = load_row(config, options.config_path)
+    rig = load_rig(named_file(config.camera.calibration, options.config_path))
+    loop = asyncio.get_running_loop()
+    began_s = loop.time()
+    async with AsyncExitStack() as stack:
+        _make_folder(options.folder)
+        ledger = stack.enter_context(Ledger.open(ledger_path(options.folder)))
+        ledger.begin_run(uuid.uuid4().hex, datetime.now(UTC))
+        dangling = ledger.book_dangling(datetime.now(UTC))
+        if options.resume and options.truth is None:
+            raise UsageError("a simulated run resumes from its truth file; give the former run's with --truth FILE")
+        twin = make_twin(config, row, rig, urdf_text, options.truth, options.resume)
+        stack.callback(twin.close_truth)
+        devices = make_devices(twin, loop.time)
+        if devices.camera.image_size != rig.image_size:
+            raise ConfigError(
+                f"{options.config_path}: the camera gives {devices.camera.image_size}, the calibration is for "
+                f"{rig.image_size}; calibrate at the size that is used"
+            )
+        try:
+            await devices.open(stack)
+        except DeviceError as error:
+            raise UnavailableError(str(error)) from error
+        robot = _Robot(config, options, bus, ledger, devices, mission_settings(config, row, arm_model))
+        task_id = robot.open_task(task(config, row)) if options.start else None
+        context = robot.context(task_id, make_detector(config.vision.detector), rig)
+        bus.publish(RunBegan(task_id, dangling, not options.start, len(row.stops)))
+        state = await robot.live(context)
+        safe = robot.actuation.state
+        return RunResult(state, safe.mode, safe.causes, task_id, dangling, loop.time() - began_s)
+
+
+def _make_folder(folder: Path) -> None:
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise FileError(f"{folder}: cannot be created ({error.strerror}); choose another run directory") from error
+
+
+class _Robot:
+    """The parts of one life, and the tasks that keep them alive."""
+
+    def __init__(
+        self, config: Config, options: RunOptions, bus: Bus, ledger: Ledger, devices: Devices, settings: MissionSettings
+    ) -> None:
+        self._options, self._bus, self._ledger, self._devices = options, bus, ledger, devices
+        self._settings = settings
+        self._lamp = config.camera.lamp == "on"
+        self._mission: Mission | None = None
+        self._progress = Progress()
+        self._checkpoint: Checkpoint | None = None
+        self._signalled = asyncio.Event()
+        self._signal_name = ""
+        self.localiser = Localiser(settings.track_m, settings.datum, settings.fix_rules)
+        self.actuation = Actuation(
+            devices.arm, devices.relay, devices.wheels, devices.inputs, ledger, limits(config), hand_settings(config),
+            self._mode_changed,
+        )  # fmt: skip
+
+    def open_task(self, task: Task) -> int:
+        """A new task in the ledger, or with ``resume`` the last one and how far it came."""
+        if not self._options.resume:
+            task_id = self._ledger.begin_task(task)
+            self.actuation.begin_task(task_id, task.tank_fill_ml, 0.0, {})
+            return task_id
+        task_id = self._task_to_resume(task)
+        self._checkpoint = self._ledger.last_checkpoint(task_id)
+        self._progress.book = book_of(self._ledger.targets(task_id))
+        self._progress.stop = max(0, self._checkpoint.stop - 1) if self._checkpoint else 0
+        given_ml: dict[int, float] = {}
+        for shot in self._ledger.shots(task_id):
+            booked_ml = shot.result.booked_ml if shot.result else shot.intent.full_ml
+            given_ml[shot.intent.target_id] = given_ml.get(shot.intent.target_id, 0.0) + booked_ml
+        total_ml = sum(given_ml.values())
+        self.actuation.begin_task(task_id, task.tank_fill_ml - total_ml, total_ml, given_ml)
+        return task_id
+
+    def _task_to_resume(self, task: Task) -> int:
+        task_id = self._ledger.latest_task()
+        if task_id is None:
+            raise UsageError(f"{self._ledger.path}: holds no task to resume; start without --resume")
+        before = self._ledger.task(task_id)
+        if before.config_hash != task.config_hash:
+            raise ConfigError(
+                f"{self._ledger.path}: task {task_id} was begun with another configuration "
+                f"({before.config_hash}, now {task.config_hash}); restore it, or start without --resume"
+            )
+        return task_id
+
+    def context(self, task_id: int | None, detector: Detector, rig: StereoRig) -> MissionContext | None:
+        if task_id is None:
+            return None
+        return MissionContext(
+            self.actuation, self._devices.camera, detector, rig, self.localiser, self._ledger, task_id, self._bus,
+            self._settings, self._progress,
+        )  # fmt: skip
+
+    async def live(self, context: MissionContext | None) -> State:
+        """Poll, supervise, run the mission when there is one, and wait for a signal when there is none."""
+        loop = asyncio.get_running_loop()
+        for number in (signal.SIGINT, signal.SIGTERM):
+            loop.add_signal_handler(number, self._on_signal, number.name)
+        recorder = FrameRecorder(self._bus, frames_folder(self._options.folder))
+        state = State.IDLE
+        async with asyncio.TaskGroup() as group:
+            supervisor = Supervisor(group, lambda name, text: self._on_fault(group, name, text))
+            keeping = group.create_task(recorder.run(), name="frame recorder")
+            try:
+                self._supervise(supervisor)
+                await self._first_readings()
+                state = await self._work(group, context)
+            finally:
+                await self._let_go()
+                supervisor.stop()
+                keeping.cancel()
+        recorder.write_rest()
+        return state
+
+    def _supervise(self, supervisor: Supervisor) -> None:
+        supervisor.poll("sensors", "actuation", self.actuation.poll_sensors, 0.1, 0.5)
+        supervisor.poll("odometry", "actuation", self._poll_odometry, 0.05, 0.3)
+        supervisor.poll("arm", "actuation", self.actuation.poll_arm, 0.1, 0.5)
+        supervisor.poll("relay", "actuation", self.actuation.poll_relay, 0.2, 5.0)
+        supervisor.poll("gps", "navigation", self._poll_gps, 0.0, 3.0)
+        supervisor.poll("modem", "telemetry", self._poll_modem, 10.0, 30.0)
+        supervisor.watch()
+
+    async def _first_readings(self) -> None:
+        try:
+            async with asyncio.timeout(FIRST_READINGS_S):
+                while True:
+                    if self.actuation.inputs() is not None:
+                        break
+                    await asyncio.sleep(0.02)
+        except TimeoutError:
+            raise UnavailableError(
+                f"not every device reported within {FIRST_READINGS_S} s; look at the faults above and mend the device"
+            ) from None
+        await self.actuation.begin_metering()
+
+    async def _work(self, group: asyncio.TaskGroup, context: MissionContext | None) -> State:
+        if context is None:
+            await self._signalled.wait()
+            return State.IDLE
+        self._place()
+        await self.actuation.energise(self._lamp)
+        for verb in (safety.Verb.ARM, safety.Verb.START):
+            decision = self.actuation.change_mode(verb, "start")
+            if not decision.allowed:
+                raise UnavailableError(f"cannot {verb}: {'; '.join(decision.reasons)}")
+        self._mission = Mission(context)
+        running = group.create_task(self._mission.run(), name="mission")
+        signalled = group.create_task(self._signalled.wait(), name="signals")
+        await asyncio.wait((running, signalled), return_when=asyncio.FIRST_COMPLETED)
+        signalled.cancel()
+        if not running.done():
+            await self.actuation.stop(f"stopped by {self._signal_name}")
+        state = await running
+        if state is State.DONE:
+            self.actuation.change_mode(safety.Verb.FINISH, "the row is done")
+            self.actuation.change_mode(safety.Verb.DISARM, "the row is done")
+        return state
+
+    def _place(self) -> None:
+        """The rover stands at the row's start, or where the checkpoint and the wheel counters say."""
+        odometry = self.actuation.odometry
+        assert odometry is not None  # first readings were awaited
+        point = self._checkpoint
+        if point is None:
+            self.localiser.start(Pose2(0.0, 0.0, 0.0), odometry)
+            return
+        try:
+            self.localiser.resume(
+                Pose2(point.x_m, point.y_m, point.heading_rad), point.left_m, point.right_m, odometry, FARTHEST_COAST_M
+            )
+        except DeviceError as error:
+            raise UnavailableError(str(error)) from error
+
+    async def _let_go(self) -> None:
+        """Whatever happened: valve shut, base halted, arm held, outputs off."""
+        if self.actuation.state.mode in (safety.Mode.AUTO, safety.Mode.MANUAL, safety.Mode.PAUSED):
+            await self.actuation.stop("the program is going down")
+        for part in await self.actuation.de_energise():
+            if part.error:
+                self._trouble(f"{part.part}: {part.error}")
+
+    async def _poll_odometry(self) -> None:
+        await self.actuation.poll_odometry()
+        if self.actuation.odometry is not None:
+            self.localiser.on_odometry(self.actuation.odometry)
+
+    async def _poll_gps(self) -> None:
+        self.localiser.on_fix(await self._devices.gps.next_fix())
+
+    async def _poll_modem(self) -> None:
+        self._bus.publish(await self._devices.modem.status())
+
+    def _mode_changed(self, state: safety.SafetyState) -> None:
+        loop = asyncio.get_running_loop()
+        self._bus.publish(ModeChanged(state.mode, state.causes, loop.time()))
+        self._ledger.record_event("mode", f"{state.mode} {'; '.join(state.causes)}".strip(), loop.time())
+        if self._mission is not None:
+            self._mission.mode_changed(state)
+
+    def _on_fault(self, group: asyncio.TaskGroup, name: str, text: str) -> None:
+        self._trouble(f"{name}: {text}")
+        if action_for(name) >= Action.PAUSE and self.actuation.state.mode is not safety.Mode.DISARMED:
+            group.create_task(self.actuation.stop(f"{name}: {text}"), name=f"stop for {name}")
+
+    def _trouble(self, text: str) -> None:
+        self._bus.publish(Trouble(text, asyncio.get_running_loop().time()))
+
+    def _on_signal(self, name: str) -> None:
+        self._signal_name = name
+        self._signalled.set()

@@ -1,0 +1,146 @@
+"""The page is whole, asks for nothing from outside, and says what the ledger says."""
+
+from __future__ import annotations
+
+import re
+import xml.etree.ElementTree as ET
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+import typer
+from typer.testing import CliRunner
+
+from robot.commands.report import dose_law, load_truth, report
+from robot.errors import FileError
+from robot.ledger import Ledger, LedgerReader
+from robot.report import read_evidence, render
+from tests.robot.ledger.rows import INTENT, NOON, TASK, started, target
+from tests.robot.report.sprayed_row import write_frame, write_ledger, write_truth
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    write_ledger(tmp_path / "ledger.sqlite")
+    write_truth(tmp_path / "truth.jsonl")
+    write_frame(tmp_path / "frames")
+    return tmp_path
+
+
+def make(folder: Path, *options: str) -> str:
+    app = typer.Typer()
+    app.command()(report)
+    result = CliRunner().invoke(app, [str(folder / "ledger.sqlite"), *options], catch_exceptions=False)
+    assert result.exit_code == 0
+    assert "Result" in result.output
+    return (folder / "report.html").read_text(encoding="utf-8")
+
+
+def drawings(page: str) -> list[ET.Element]:
+    return [ET.fromstring(text) for text in re.findall(r"<svg.*?</svg>", page, flags=re.DOTALL)]
+
+
+def test_page_refers_to_nothing_outside_itself(folder: Path) -> None:
+    page = make(folder, "--truth", str(folder / "truth.jsonl"))
+    assert not re.search(r"https?://|<script|<link|@import|url\(", page)
+    assert set(re.findall(r'src="([^:]+):', page)) == {"data"}
+
+
+def test_every_target_is_drawn_to_scale_in_both_views(folder: Path) -> None:
+    views = [svg for svg in drawings(make(folder)) if svg.get("role") == "img"][:2]
+    for view in views:
+        discs = [c for c in view.iter("circle") if "true" not in (c.get("class") or "").split()]
+        radii = sorted(float(c.get("r") or 0) for c in discs)
+        assert len(discs) == 4
+        assert radii[0] / radii[-1] == pytest.approx(0.06 / 0.08, rel=0.02)
+        assert {c.get("class") for c in discs} == {"sprayed", "unreachable"}
+
+
+def test_all_that_is_drawn_lies_inside_its_drawing(folder: Path) -> None:
+    for svg in drawings(make(folder, "--truth", str(folder / "truth.jsonl"))):
+        left, top, width, height = (float(v) for v in (svg.get("viewBox") or "").split())
+        for circle in svg.iter("circle"):
+            x, y = float(circle.get("cx") or 0), float(circle.get("cy") or 0)
+            assert left <= x <= left + width
+            assert top <= y <= top + height
+        for bar in svg.iter("rect"):
+            assert float(bar.get("height") or -1) >= 0.0
+            assert top <= float(bar.get("y") or 0) <= top + height
+
+
+def test_true_fruits_are_outlined_and_the_one_never_found_is_marked(folder: Path) -> None:
+    page = make(folder, "--truth", str(folder / "truth.jsonl"))
+    assert page.count('class="true known"') == 2 * 3
+    assert page.count('class="true missed"') == 2 * 1 + 1
+    assert "never found; at best 30 % visible" in page
+    assert "phantom" in page
+
+
+def test_frames_travel_in_the_page(folder: Path) -> None:
+    assert make(folder).count("data:image/jpeg;base64,") == 1
+    assert "data:image" not in make(folder, "--frames", str(folder))
+
+
+def test_without_truth_the_page_tells_what_the_robot_knows(folder: Path) -> None:
+    page = make(folder)
+    assert "Delivered" not in page
+    assert "Targets found" in page
+
+
+def test_with_a_configuration_the_dose_is_judged_by_its_law(folder: Path) -> None:
+    page = make(folder, "--truth", str(folder / "truth.jsonl"), "--config", "demo.toml")
+    found = re.search(r"due of the true fruit, median</th><td>([\d.]+) %", page)
+    assert found is not None
+    assert dose_law(Path("demo.toml"))(0.001) >= 0.1
+
+
+def test_a_pending_shot_is_shown_as_its_full_pulse(tmp_path: Path) -> None:
+    ledger, task_id = started(tmp_path / "ledger.sqlite")
+    ledger.write_intent(task_id, INTENT)
+    page = render(read_evidence(ledger), None, None, None)
+    ledger.close()
+    assert "pending" in page
+    assert "6.30 ml of it pending" in page
+
+
+def test_a_task_that_sprayed_nothing_has_a_page(tmp_path: Path) -> None:
+    with Ledger.open(tmp_path / "ledger.sqlite", utc=lambda: NOON) as ledger:
+        ledger.begin_run("boot", NOON)
+        ledger.begin_task(TASK)
+        page = render(read_evidence(ledger), None, None, None)
+    assert "Nothing was sprayed." in page
+
+
+def test_names_from_outside_cannot_inject_markup(tmp_path: Path) -> None:
+    with Ledger.open(tmp_path / "ledger.sqlite", utc=lambda: NOON) as ledger:
+        ledger.begin_run("boot", NOON)
+        task_id = ledger.begin_task(replace(TASK, product="<script>alert(1)</script>"))
+        ledger.upsert_targets(task_id, [replace(target(), reason="a<b> & c")])
+        page = render(read_evidence(ledger), None, None, None)
+    assert "<script>" not in page
+    assert "a&lt;b&gt; &amp; c" in page
+
+
+def test_another_task_of_the_ledger_can_be_chosen(folder: Path) -> None:
+    with Ledger.open(folder / "ledger.sqlite", utc=lambda: NOON) as ledger:
+        ledger.begin_run("boot-3", NOON)
+        ledger.begin_task(replace(TASK, route="second"))
+    assert "row “second”" in make(folder)
+    assert "row “demo”" in make(folder, "--task", "1")
+
+
+def test_wrong_paths_are_named(folder: Path) -> None:
+    with pytest.raises(FileError, match="no such folder"):
+        make(folder, "--frames", str(folder / "none"))
+    with pytest.raises(FileError, match="cannot be read"):
+        load_truth(folder / "none")
+    (folder / "broken").write_text("{}\n")
+    with pytest.raises(FileError, match=r"line 1.*sprayer run --truth"):
+        load_truth(folder / "broken")
+
+
+def test_a_report_of_a_robot_at_work_can_be_made(tmp_path: Path) -> None:
+    ledger, _ = started(tmp_path / "ledger.sqlite")
+    with LedgerReader.open_read_only(ledger.path) as reader:
+        assert "<html" in render(read_evidence(reader), None, None, None)
+    ledger.close()
