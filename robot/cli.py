@@ -5,7 +5,6 @@ from __future__ import annotations
 import logging
 import sys
 
-import click
 import typer
 
 from drivers.errors import DeviceError
@@ -34,19 +33,27 @@ def run_command(arguments: list[str]) -> int:
     """The exit code of a command line."""
     try:
         outcome = app(arguments, standalone_mode=False)
-    except click.exceptions.NoArgsIsHelpError as error:
-        sys.stdout.write(error.format_message() + "\n")
-        return UsageError.exit_code
-    except click.ClickException as error:
-        error.show()
-        return UsageError.exit_code
-    except click.exceptions.Abort:
-        sys.stderr.write("sprayer: stopped by the keyboard\n")
-        return 130
+    except typer.Abort:
+        return _fail("stopped by the keyboard", 130)
+    except typer.Exit as ended:
+        return ended.exit_code
     except SprayerError as error:
-        sys.stderr.write(f"sprayer: {error}\n")
-        return error.exit_code
+        return _fail(str(error), error.exit_code)
     except DeviceError as error:
-        sys.stderr.write(f"sprayer: {error}\n")
-        return UnavailableError.exit_code
+        return _fail(str(error), UnavailableError.exit_code)
+    except Exception as error:
+        if not isinstance(error, _wrong_usage()):
+            raise
+        message = str(error.format_message()).strip()  # type: ignore[attr-defined]
+        return _fail(f"{message}; see sprayer --help", UsageError.exit_code) if message else UsageError.exit_code
     return outcome if isinstance(outcome, int) else 0
+
+
+def _wrong_usage() -> type[Exception]:
+    """The base of all usage errors. Typer carries its own click, which it does not export."""
+    return next(base for base in typer.BadParameter.__mro__ if base.__name__ == "ClickException")
+
+
+def _fail(text: str, code: int) -> int:
+    sys.stderr.write(f"sprayer: {text}\n")
+    return code

@@ -57,7 +57,7 @@ class Backdrop:
         factor = GRID_PX // 2
         fine = cv2.resize(maps, (columns * factor, rows * factor), interpolation=cv2.INTER_LINEAR)
         fine = fine[factor : factor + (height + 1) // 2, factor : factor + (width + 1) // 2]
-        half = cv2.remap(lit, fine[..., 0].copy(), fine[..., 1].copy(), cv2.INTER_LINEAR, borderMode=cv2.BORDER_WRAP)
+        half = cv2.remap(lit, fine[..., 0].copy(), fine[..., 1].copy(), cv2.INTER_NEAREST, borderMode=cv2.BORDER_WRAP)
         return np.asarray(cv2.resize(half, (width, height), interpolation=cv2.INTER_LINEAR), dtype=np.uint8)
 
     def _places(self, origin: Array, directions: Array) -> Array:

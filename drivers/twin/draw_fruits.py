@@ -17,14 +17,14 @@ from drivers.twin.sunlight import Sunlight
 Array = npt.NDArray[np.float64]
 
 _NEAREST_M = 0.15
-_SHADING_GRID = 32
+_SHADING_GRID = 26
 _NINE_U, _NINE_V = (grid.ravel() for grid in np.meshgrid(np.arange(3), np.arange(3)))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class FruitSight:
-    """A fruit before one eye. ``forms`` (5, k, k) at the nodes of its box: the discriminant F of ray against spheroid,
-    the terms a and b of its quadratic, F's change per pixel along u and v. ``codes`` (g, g, 3) colours its box."""
+    """A fruit before one eye. ``forms`` (4, k, k) at the nodes of its box: the discriminant F of ray against spheroid,
+    the terms a and b of its quadratic, the square of F's change per pixel. ``codes`` (g, g, 3) colours its box."""
 
     index: int
     depth_m: float
@@ -89,7 +89,7 @@ class FruitSet:
 
 
 def _forms(nodes: Array, centre: Array, shape: Array, per_pixel: Array) -> Array:
-    """(m, 5, k, k); ``nodes`` (m, 2, k, k) rays, ``per_pixel`` (m, 2, 2) their change."""
+    """(m, 4, k, k); ``nodes`` (m, 2, k, k) rays, ``per_pixel`` (m, 2, 2) their change."""
     count, _, size, _ = nodes.shape
     ray = np.ones((count, 3, size * size))
     ray[:, :2] = nodes.reshape(count, 2, -1)
@@ -97,20 +97,20 @@ def _forms(nodes: Array, centre: Array, shape: Array, per_pixel: Array) -> Array
     outside = np.einsum("mi,mi->m", centre, pull) - 1.0
     disc_form = pull[:, :, None] * pull[:, None, :] - outside[:, None, None] * shape
     bent = disc_form @ ray
-    out = np.empty((count, 5, size * size))
+    out = np.empty((count, 4, size * size))
     out[:, 0] = np.einsum("mip,mip->mp", bent, ray)
     out[:, 1] = np.einsum("mip,mip->mp", shape @ ray, ray)
     out[:, 2] = np.einsum("mi,mip->mp", pull, ray)
-    out[:, 3:] = 2.0 * per_pixel.transpose(0, 2, 1) @ bent[:, :2]
-    return out.reshape(count, 5, size, size)
+    out[:, 3] = np.sum((2.0 * per_pixel.transpose(0, 2, 1) @ bent[:, :2]) ** 2, axis=1)
+    return out.reshape(count, 4, size, size)
 
 
 def draw_fruit(canvas: Canvas, rays: Rays, view: FruitSight, slot: int) -> None:
     """Paint one fruit: its contour is where F = 0, and a pixel's coverage is F over F's change per pixel, which is its
     distance to the contour in pixels. Colours mix by coverage in linear light."""
     x0, y0, x1, y1 = view.box
-    disc, a, b, du, dv = rays.over_box(view.forms, view.box)
-    coverage = disc / cv2.magnitude(du, dv) + np.float32(0.5)
+    disc, a, b, change2 = rays.over_box(view.forms, view.box)
+    coverage = disc / cv2.sqrt(change2) + np.float32(0.5)
     inverse_depth = a / (b - cv2.sqrt(np.maximum(disc, np.float32(0.0))))
     behind = canvas.inverse_depth[y0:y1, x0:x1]
     under = canvas.picture[y0:y1, x0:x1]

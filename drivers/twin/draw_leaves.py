@@ -21,7 +21,7 @@ _THROUGH = np.array([0.10, 0.42, 0.22])  # of the light from behind, BGR, over t
 _NEAREST_M = 0.08
 _EDGE_ON_PX2 = 4.0
 _KEPT = 1024  # pictures in one light
-_SHARPNESS = 0.6  # least picture pixels per image pixel
+_SHARPNESS = 0.9  # least picture pixels per image pixel
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -167,7 +167,7 @@ def _homographies(corners: Array, sizes: npt.NDArray[np.int64]) -> Array:
 
 def draw_leaf(canvas: Canvas, lit: LitLeaves, view: LeafView) -> None:
     x0, y0, x1, y1 = view.box
-    warped = cv2.warpPerspective(lit.picture(view), view.onto, (x1 - x0, y1 - y0))
+    warped = cv2.warpPerspective(lit.picture(view), view.onto, (x1 - x0, y1 - y0), flags=cv2.INTER_NEAREST)
     a, b, c = view.plane
     inverse_depth = (a * _COUNT[: x1 - x0] + c) + (b * _COUNT[: y1 - y0])[:, None]
     canvas.put(view.box, warped, inverse_depth)

@@ -205,7 +205,7 @@ def _leaves_of_plant(scene: Scene, foot: Array, lane: Array, rng: np.random.Gene
         pitch = rng.uniform(-0.35, 0.45)
         here = np.array([foot[0], foot[1], height]) + 0.03 * out
         shade = rng.uniform(0.75, 1.25) * np.array([rng.uniform(0.85, 1.2), 1.0, rng.uniform(0.8, 1.15)])
-        scale = rng.uniform(0.95, 1.35)
+        scale = rng.uniform(0.8, 1.2)
         for step in range(3):
             along = math.cos(pitch) * out + np.array([0.0, 0.0, math.sin(pitch)])
             across = np.cross(along, [0.0, 0.0, 1.0])
@@ -235,7 +235,7 @@ def _veils(scene: Scene, fruits: list[TwinFruit], lane: Array, rng: np.random.Ge
     for fruit in fruits:
         if rng.random() >= VEILED_SHARE * scene.leaf_density:
             continue
-        size = rng.uniform(0.10, 0.15)
+        size = rng.uniform(0.085, 0.125)
         turn, lean = rng.normal(0.0, 0.5), rng.uniform(-0.2, 0.5)
         side = np.array([math.cos(turn), -lane[1] * math.sin(turn), 0.0])
         down = np.array([0.0, 0.0, -math.cos(lean)]) + lane * math.sin(lean)

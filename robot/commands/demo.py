@@ -2,8 +2,70 @@
 
 from __future__ import annotations
 
+import shutil
 from pathlib import Path
 from typing import Annotated
 
+import numpy as np
 import typer
+from rich.console import Console
 
+from drivers.twin.truth_record import TruthRecord
+from robot.commands.report import load_truth, result_table, write_report
+from robot.commands.run import ConfigOption, SeedOption, SpeedOption, load_with_seed, run_with_view
+from robot.config import Config
+from robot.errors import FileError, UsageError
+from robot.ledger import LedgerReader
+from robot.mission import State
+from robot.package_files import config_file
+from robot.report import judge, read_evidence
+from robot.runtime import RunOptions, frames_folder, ledger_path
+from robot.runtime.reach import reachable_fruits
+from robot.runtime.settings import dose_law
+
+
+def demo(
+    config: ConfigOption = Path("configs/demo.toml"),
+    seed: SeedOption = None,
+    speed: SpeedOption = 10.0,
+    out: Annotated[Path, typer.Option("--out", help="Folder of the run; a former demo in it is replaced.")] = Path(
+        "out/demo"
+    ),
+) -> int:
+    """Spray one simulated row, print how well it went, and write the report."""
+    settings = load_with_seed(config, seed)
+    if not settings.simulated:
+        raise UsageError(f"{config}: has hardware back ends; the demo runs on simulated ones (try configs/demo.toml)")
+    path = config_file(config)
+    clear_former_demo(out)
+    truth_path = out / "truth.jsonl"
+    result = run_with_view(settings, RunOptions(path, out, True, False, truth_path), speed)
+    truth = load_truth(truth_path)
+    reachable = reach_of(settings, path, truth)
+    with LedgerReader.open_read_only(ledger_path(out)) as ledger:
+        evidence = read_evidence(ledger)
+    judgement = judge(evidence, truth, reachable, dose_law(settings).dose_ml)
+    page = out / "report.html"
+    write_report(page, evidence, truth, judgement, frames_folder(out))
+    console = Console(highlight=False)
+    console.print(f"{settings.robot.name}, seed {settings.twin.seed}, detector {settings.vision.detector}")
+    console.print(result_table(evidence, judgement))
+    console.print(f"report: {page}", soft_wrap=True)
+    return 0 if result.state is State.DONE else 1
+
+
+def reach_of(config: Config, path: Path, truth: TruthRecord) -> frozenset[int]:
+    """Ids of the true fruits that the arm can reach from some stop."""
+    fruits = {fruit.id: (np.array(fruit.centre_m), fruit.diameter_m) for fruit in truth.fruits}
+    return reachable_fruits(config, path, fruits)
+
+
+def clear_former_demo(out: Path) -> None:
+    """Remove what a former demo wrote there, and nothing else."""
+    try:
+        for name in ("ledger.sqlite", "ledger.sqlite-wal", "ledger.sqlite-shm", "truth.jsonl", "report.html"):
+            (out / name).unlink(missing_ok=True)
+        shutil.rmtree(frames_folder(out), ignore_errors=True)
+        out.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise FileError(f"{out}: cannot be prepared ({error.strerror}); choose another folder with --out") from error

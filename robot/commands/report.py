@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from pathlib import Path
 from typing import Annotated
 
@@ -13,10 +12,10 @@ from rich.table import Table
 from drivers.twin.truth_record import TruthRecord, read_truth
 from robot.atomic_file import atomic_file
 from robot.config import load_config
-from robot.dosing import DoseLaw, LawKind
 from robot.errors import FileError
 from robot.ledger import LedgerReader
 from robot.report import Evidence, Judgement, judge, ledger_rows, read_evidence, render, score_rows
+from robot.runtime.settings import dose_law
 
 
 def report(
@@ -38,7 +37,7 @@ def report(
     """Write a self-contained HTML report, and print its result."""
     if frames is not None and not frames.is_dir():
         raise FileError(f"{frames}: no such folder; give the folder with the stops' frames")
-    law = None if config is None else dose_law(config)
+    law = None if config is None else dose_law(load_config(config)).dose_ml
     with LedgerReader.open_read_only(ledger) as reader:
         evidence = read_evidence(reader, task)
     record = None if truth is None else load_truth(truth)
@@ -73,9 +72,3 @@ def load_truth(path: Path) -> TruthRecord:
         raise FileError(f"{path}: cannot be read ({error.strerror}); check the path") from error
     except ValueError as error:
         raise FileError(f"{error}; give the file that 'sprayer run --truth' wrote") from error
-
-
-def dose_law(config: Path) -> Callable[[float], float]:
-    """The dose that a fruit of a diameter is due by a configuration, its least and most included."""
-    dosing = load_config(config).dosing
-    return DoseLaw(LawKind(dosing.law), dosing.coefficient, dosing.min_ml, dosing.max_ml).dose_ml

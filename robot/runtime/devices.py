@@ -7,21 +7,19 @@ from contextlib import AsyncExitStack
 from dataclasses import dataclass
 from pathlib import Path
 
-from drivers.arm.mock import MockArm
-from drivers.camera.mock import MockCamera
-from drivers.gps.mock import MockGps
-from drivers.inputs.mock import MockInputs
-from drivers.modem.mock import MockModem
-from drivers.relay.mock import MockRelay
-from drivers.wheels.mock import MockWheels
-
 from drivers.arm.interface import Arm
+from drivers.arm.mock import MockArm
 from drivers.camera.interface import StereoCamera
+from drivers.camera.mock import MockCamera
 from drivers.gps.interface import Gps
+from drivers.gps.mock import MockGps
 from drivers.gps.values import FixQuality
 from drivers.inputs.interface import Inputs
+from drivers.inputs.mock import MockInputs
 from drivers.modem.interface import Modem
+from drivers.modem.mock import MockModem
 from drivers.relay.interface import RelayBoard
+from drivers.relay.mock import MockRelay
 from drivers.relay.values import Channel
 from drivers.twin.aftermath import resume_from
 from drivers.twin.machine import Twin
@@ -30,6 +28,7 @@ from drivers.twin.optics import StereoOptics
 from drivers.twin.scene import Scene
 from drivers.twin.truth import TruthLog
 from drivers.wheels.interface import Wheels
+from drivers.wheels.mock import MockWheels
 from robot.config import Config
 from robot.navigation import Row
 from robot.runtime.settings import mounts

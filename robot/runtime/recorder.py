@@ -35,7 +35,7 @@ class FrameRecorder:
     def _write(self, seen: FrameSeen) -> None:
         self._folder.mkdir(parents=True, exist_ok=True)
         path = self._folder / frame_file(seen.stop)
-        picture = draw_fruits(seen.frame.left, seen.fruits)
+        picture = draw_fruits(seen.frame.left, seen.fruits, seen.target_ids)
         done, data = cv2.imencode(".jpg", picture, [cv2.IMWRITE_JPEG_QUALITY, 88])
         if not done:
             raise FileError(f"{path}: the frame cannot be encoded as JPEG; check the OpenCV installation")

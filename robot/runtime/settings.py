@@ -110,6 +110,10 @@ def task(config: Config, row: Row) -> Task:
     )
 
 
+def dose_law(config: Config) -> DoseLaw:
+    return DoseLaw(LawKind(config.dosing.law), config.dosing.coefficient, config.dosing.min_ml, config.dosing.max_ml)
+
+
 def datum(config: Config) -> Datum | None:
     """Where the row frame lies on the earth; None when the configuration does not say, then GPS is not used."""
     navigation = config.navigation
@@ -160,9 +164,7 @@ def mission_settings(config: Config, row: Row, arm: ArmModel) -> MissionSettings
             max_diameter_m=config.targets.max_diameter_m,
         ),
         dose=DoseSettings(
-            law=DoseLaw(
-                LawKind(config.dosing.law), config.dosing.coefficient, config.dosing.min_ml, config.dosing.max_ml
-            ),
+            law=dose_law(config),
             flow=FlowModel(
                 config.fluid.nozzle_flow_ml_s,
                 config.fluid.nozzle_pressure_bar,
