@@ -42,6 +42,7 @@ class HandSettings:
     settle_timeout_s: float
     pump_lease_s: float
     meter_ml_per_pulse: float
+    meter_tolerance: float
     valve_close_s: float
 
 
@@ -465,7 +466,7 @@ class Actuation:
         return Result(outcome, upper_ml, open_s, measured_ml, "shortened by a stop" if shortened else "", now_s)
 
     async def _read_meter(self) -> tuple[float | None, float | None]:
-        """(measured ml, ml to book); the booked sum stays one meter pulse above the count, so never below the truth."""
+        """(measured ml, ml to book): one pulse ahead of the count, wider by the meter's tolerance."""
         await asyncio.sleep(self._settings.valve_close_s + METER_SETTLE_S)
         before_ml = self._accounted_to_ml
         try:
@@ -473,11 +474,13 @@ class Actuation:
         except DeviceError:
             return None, None  # the poll of the sensors reports the fault itself
         self._readings.sensors = reading
-        quantum_ml = self._settings.meter_ml_per_pulse
-        self._accounted_to_ml = reading.flow_total_ml + quantum_ml
-        if before_ml is None or reading.flow_total_ml + quantum_ml < before_ml:
+        count_ml = reading.flow_total_ml + self._settings.meter_ml_per_pulse
+        if before_ml is None or count_ml < before_ml:
+            self._accounted_to_ml = count_ml
             return None, None
-        return max(0.0, reading.flow_total_ml + quantum_ml - before_ml), self._accounted_to_ml - before_ml
+        self._accounted_to_ml = count_ml
+        measured_ml = count_ml - before_ml
+        return measured_ml, measured_ml * (1.0 + self._settings.meter_tolerance)
 
     async def begin_metering(self) -> None:
         """Start the flow account at the meter's present count."""

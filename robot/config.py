@@ -167,6 +167,7 @@ class FluidSection(_Section):
     pressure_timeout_s: Annotated[float, _between(0.5, 60.0)] = 15.0
     pump_lease_s: Annotated[float, _between(1.0, 25.0)] = 10.0
     meter_ml_per_pulse: Annotated[float, _between(0.01, 10.0)]
+    meter_tolerance: Annotated[float, _between(0.0, 0.2)] = 0.02
     tank_ml: Annotated[float, _between(100.0, 500_000.0)]
     tank_reserve_ml: Annotated[float, _between(0.0, 50_000.0)] = 200.0
 

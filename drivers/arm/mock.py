@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+from bisect import bisect_right
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 
@@ -120,8 +121,12 @@ class MockArm:
 
 def _at(trajectory: JointTrajectory, time_s: float) -> tuple[float, ...]:
     """Joint angles at a time of the trajectory, its last way point after its end."""
-    columns = np.asarray(trajectory.positions_rad).T
-    return tuple(float(np.interp(time_s, trajectory.times_s, column)) for column in columns)
+    k = bisect_right(trajectory.times_s, time_s)
+    if k == len(trajectory.times_s):
+        return trajectory.goal_rad
+    (begin_s, end_s), (begin, end) = trajectory.times_s[k - 1 : k + 1], trajectory.positions_rad[k - 1 : k + 1]
+    share = (time_s - begin_s) / (end_s - begin_s)
+    return tuple(a + share * (b - a) for a, b in zip(begin, end, strict=True))
 
 
 def _first_joint_off(state: ArmState) -> ArmState:

@@ -27,7 +27,8 @@ def main() -> None:
     start = time.process_time()
     renderer.render(_pose(0.0), light)
     first_ms = 1e3 * (time.process_time() - start)
-    moving, standing = [], []
+    moving: list[float] = []
+    standing: list[float] = []
     for frame in range(PAIRS):
         place = _pose(0.2 + 3.4 * frame / PAIRS)
         for times in (moving, standing):

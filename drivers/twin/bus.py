@@ -78,7 +78,8 @@ class Bus:
             verb = self.verb
             trip_s = self._round_trip_s * (1.0 + JITTER_SHARE * float(self._random.random()))
             half_s = 0.5 * trip_s * (SLOW_FACTOR if verb is Verb.SLOW else 1.0)
-            await asyncio.sleep(max(0.0, self._free_s - self.clock()))
+            if (busy_s := self._free_s - self.clock()) > 0.0:
+                await asyncio.sleep(busy_s)
             self._free_s = self.clock() + 2.0 * half_s
             if send is not None:
                 late_s = LATE_S if verb is Verb.DELAYED else 0.0

@@ -18,7 +18,6 @@ Array = npt.NDArray[np.float64]
 _NEAREST_M = 0.06
 _SHIFT = 6
 _THIN_PX = 8.0
-_THIN_STRIPS = 3
 _FLAT = 0.06
 _WIDTHS = np.array([1.0, 0.8, 0.55, 0.25])  # of the radius, each strip over the last
 _OFFSETS = np.array([0.0, 0.12, 0.2, 0.28])  # to the lit side
@@ -134,7 +133,7 @@ def draw_capsule(canvas: Canvas, view: CapsuleView) -> None:
     first, last = view.inverse_depths
     if view.thin and abs(last - first) < _FLAT * last:
         picture, inverse_depth = canvas.picture[y0:y1, x0:x1], canvas.inverse_depth[y0:y1, x0:x1]
-        for polygon, code in zip(view.strips[:_THIN_STRIPS], view.colours, strict=False):
+        for polygon, code in zip(view.strips[::2], view.colours[::2], strict=True):
             cv2.fillConvexPoly(picture, polygon, (*code, 255), cv2.LINE_8, _SHIFT)
         cv2.fillConvexPoly(inverse_depth, view.strips[0], 0.5 * (first + last), cv2.LINE_8, _SHIFT)
         return

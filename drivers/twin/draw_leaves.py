@@ -10,7 +10,7 @@ import numpy.typing as npt
 
 from drivers.twin.canvas import Box, Canvas, Picture, Rays
 from drivers.twin.illumination import Illumination
-from drivers.twin.leaf_pictures import LEVELS, leaf_picture
+from drivers.twin.leaf_pictures import LEVELS, leaf_extents, leaf_picture
 from drivers.twin.solids import Leaves
 
 Array = npt.NDArray[np.float64]
@@ -21,7 +21,7 @@ _THROUGH = np.array([0.10, 0.42, 0.22])  # of the light from behind, BGR, over t
 _NEAREST_M = 0.08
 _EDGE_ON_PX2 = 4.0
 _KEPT = 1024  # pictures in one light
-_SHARPNESS = 0.9  # least picture pixels per image pixel
+_SHARPNESS = 0.6  # least picture pixels per image pixel
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -109,8 +109,8 @@ class LeafSet:
         ahead = np.flatnonzero(quads[..., 2].min(axis=1) > _NEAREST_M)
         quads = quads[ahead]
         pixels = rays.eye.pixels((quads[..., :2] / quads[..., 2:]).reshape(-1, 2)).reshape(-1, 4, 2)
-        low, high = pixels.min(axis=1), pixels.max(axis=1)
-        boxes = rays.boxes(low, high, 0.5)
+        low, high = _covered(pixels, leaf_extents()[self.leaves.texture[near[ahead]]])
+        boxes = rays.boxes(low, high, 1.5)
         du, dv = pixels[:, 1] - pixels[:, 0], pixels[:, 3] - pixels[:, 0]
         broad = np.abs(du[:, 0] * dv[:, 1] - du[:, 1] * dv[:, 0]) > _EDGE_ON_PX2
         seen = np.flatnonzero((boxes[:, 0] < boxes[:, 2]) & (boxes[:, 1] < boxes[:, 3]) & broad)
@@ -122,7 +122,7 @@ class LeafSet:
         # 1/z of a plane is linear in the image: three corners tell it
         corners = np.concatenate([inside[:, [0, 1, 3]], np.ones((len(seen), 3, 1))], axis=2)
         planes = np.linalg.solve(corners, 1.0 / quads[:, [0, 1, 3], 2, None])[..., 0].astype(np.float32)
-        extents = (high - low)[seen].max(axis=1)
+        extents = np.ptp(pixels[seen], axis=1).max(axis=1)
         levels = np.array(LEVELS)[np.searchsorted(-np.array(LEVELS), -_SHARPNESS * extents, side="right") - 1]
         onto = _homographies(inside, levels)
         eye_m = -rotation.T @ shift
@@ -145,6 +145,16 @@ class LeafSet:
             )
             for k, box in enumerate(boxes.tolist())
         ]
+
+
+def _covered(corners: Array, extents: Array) -> tuple[Array, Array]:
+    """Least and greatest pixel (n, 2) of the part of a leaf that its picture covers; ``extents`` (n, 4) in u, v."""
+    onto = _homographies(corners, np.ones(len(corners), dtype=np.int64))
+    onto[:, :, 2] -= 0.5 * (onto[:, :, 0] + onto[:, :, 1])
+    u, v = extents[:, [0, 2, 2, 0]], extents[:, [1, 1, 3, 3]]
+    places = onto @ np.stack([u, v, np.ones_like(u)], axis=1)
+    pixels = places[:, :2] / places[:, 2:]
+    return pixels.min(axis=2), pixels.max(axis=2)
 
 
 def _homographies(corners: Array, sizes: npt.NDArray[np.int64]) -> Array:

@@ -10,7 +10,14 @@ from enum import StrEnum
 
 
 class Verb(StrEnum):
-    """What a device does wrong (the vocabulary of PX4's failure injection)."""
+    """What a device does wrong (the vocabulary of PX4's failure injection).
+
+    OFF: the line is silent and takes no command; what moves or flows goes on by its own timers. STUCK: an actuator
+    stays as it is, a sensor repeats itself with new stamps. GARBAGE: commands are obeyed, answers are garbled. WRONG:
+    readings are off by a plausible amount. SLOW: ten times the latency. DELAYED: readings are stale by their stamps,
+    relay frames arrive late. INTERMITTENT: commands are obeyed, half of the answers do not come. A valve: OFF does not
+    open, WRONG does not seal.
+    """
 
     OK = "ok"
     OFF = "off"

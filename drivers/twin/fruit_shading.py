@@ -59,7 +59,7 @@ def shade_fruits(
     light: Illumination,
     sun: Sunlight,
 ) -> Picture:
-    """(m, g, g, 3) codes over the boxes of the chosen fruit.
+    """(m, g, g, 4) codes over the boxes of the chosen fruit, the last channel 0.
 
     ``rays`` (m, 2, g, g) over the boxes, ``centre`` (m, 3) and ``shape`` (m, 3, 3) in the eye's frame. Lambert's law for
     sun, sky and lamp, a highlight, shadows of leaves and of touching fruit, the calyx and the shoulder's colour.
@@ -110,8 +110,10 @@ def shade_fruits(
     shine = np.stack([_power32(shine_sun) * lit, _power32(shine_lamp)], axis=1) * bare[:, None]
     radiance = albedo * irradiance + mirror @ shine
     np.sqrt(radiance, out=radiance)
-    codes = np.minimum(radiance * np.float32(255.0) + np.float32(0.5), np.float32(255.0)).astype(np.uint8)
-    return np.ascontiguousarray(codes.reshape(count, 3, grid, grid).transpose(0, 2, 3, 1))
+    codes = np.minimum(radiance * np.float32(255.0) + np.float32(0.5), np.float32(255.0))
+    out = np.zeros((count, grid, grid, 4), np.uint8)
+    out[..., :3] = codes.reshape(count, 3, grid, grid).transpose(0, 2, 3, 1)
+    return out
 
 
 def _sunlit(maps: Floats, right: Floats, up: Floats) -> Floats:

@@ -42,8 +42,12 @@ class Body:
     radius_m: float
 
     @property
+    def middle_m(self) -> Array:
+        return np.asarray(0.5 * (self.p0_m + self.p1_m))
+
+    @property
     def mass_kg(self) -> float:
-        length = float(np.linalg.norm(self.p1_m - self.p0_m))
+        length = math.dist(self.p0_m, self.p1_m)
         volume = math.pi * self.radius_m**2 * (length + 4.0 / 3.0 * self.radius_m)
         return ARM_DENSITY_KG_M3 * volume
 
@@ -93,19 +97,21 @@ class ArmGeometry:
     def gravity_torque_n_m(self, angles_rad: Sequence[float] | Array, up: Array) -> Array:
         """Torque (n,) that gravity puts on each joint, about its axis; ``up`` (3,) in the root frame."""
         poses = self.link_poses(angles_rad)
-        links = [self.root, *(joint.child for joint in self.chain)]
-        centres = np.array(
-            [(poses[b.link] @ np.append(0.5 * (b.p0_m + b.p1_m), 1.0))[:3] for b in self.bodies]
-        ).reshape(-1, 3)
-        forces = np.array([-GRAVITY_M_S2 * b.mass_kg * up for b in self.bodies]).reshape(-1, 3)
-        rank = np.array([links.index(b.link) for b in self.bodies], dtype=np.int64)
-        torques = []
-        for joint in self.joints:
+        mass_of, moment_of = dict.fromkeys(poses, 0.0), dict.fromkeys(poses, np.zeros(3))
+        for body in self.bodies:
+            pose = poses[body.link]
+            mass_of[body.link] += body.mass_kg
+            moment_of[body.link] = moment_of[body.link] + body.mass_kg * (pose[:3, :3] @ body.middle_m + pose[:3, 3])
+        x, y, z = up
+        turn_up = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+        mass, moment, torques = 0.0, np.zeros(3), []
+        for joint in reversed(self.chain):
             pose = poses[joint.child]
-            carried = rank >= links.index(joint.child)
-            moment = np.cross(centres[carried] - pose[:3, 3], forces[carried]).sum(axis=0)
-            torques.append(float(moment @ (pose[:3, :3] @ joint.axis)))
-        return np.array(torques)
+            mass, moment = mass + mass_of[joint.child], moment + moment_of[joint.child]
+            if joint.index is not None:  # axis . (lever x weight) = -g (up x axis) . lever
+                lever = moment - mass * pose[:3, 3]
+                torques.append(-GRAVITY_M_S2 * float(turn_up @ (pose[:3, :3] @ joint.axis) @ lever))
+        return np.array(torques[::-1])
 
 
 def read_urdf(text: str) -> ArmGeometry:

@@ -48,6 +48,16 @@ def leaf_picture(index: int, size_px: int = SIZE_PX) -> Picture:
 
 
 @cache
+def leaf_extents() -> Array:
+    """(pictures, 4) least u, v and greatest u, v, 0 to 1, of what each picture covers."""
+    out = np.empty((PICTURES, 4))
+    for k in range(PICTURES):
+        v, u = np.nonzero(leaf_picture(k)[:, :, 3])
+        out[k] = [u.min(), v.min(), u.max() + 1, v.max() + 1]
+    return out / SIZE_PX
+
+
+@cache
 def leaf_coverage(index: int) -> npt.NDArray[np.bool_]:
     """(size, size) where the leaf is: coverage of one half and more; indexed [v, u]."""
     return np.asarray(leaf_picture(index)[:, :, 3] > 127)

@@ -15,7 +15,7 @@ READ_NOISE_E = 7.0
 BLUR_PX = 0.55
 ELECTRONS_PER_EXPOSURE = 9000.0 * 2.0  # per W/m2/sr and second
 _TAIL_SIGMA = 4.0
-_POOL_ROWS, _POOL_COLUMNS = 1024, 8192
+_POOL_ROWS, _POOL_COLUMNS = 768, 2560
 
 
 class Sensor:
@@ -50,8 +50,7 @@ class Sensor:
         cv2.sqrt(flat, flat)
         if noise:
             cv2.scaleAdd(self._noise(frame, eye), grain, flat, flat)
-        counts = cv2.convertScaleAbs(level)
-        return np.asarray(cv2.LUT(counts, _codes(gain, steps, noise)), dtype=np.uint8)
+        return np.asarray(cv2.LUT(cv2.convertScaleAbs(level), _codes(gain, steps, noise)), dtype=np.uint8)
 
     def _noise(self, frame: int, eye: int) -> Floats:
         """(h, 3 w) unit normal numbers, from a place in the pool that (seed, frame, eye) draw."""

@@ -60,6 +60,12 @@ class LiveView:
     def _take(self, event: object) -> None:
         if isinstance(event, RunBegan):
             self._stops = event.stops
+            for open_shot in event.dangling:
+                intent = open_shot.intent
+                self._notes.append(
+                    f"task {open_shot.task_id}: the shot at target {intent.target_id} had no outcome; "
+                    f"booked as its full pulse, {intent.full_ml:.1f} ml"
+                )
             if event.waiting:
                 self._say("up, disarmed, waiting (Ctrl-C ends)")
         elif isinstance(event, ModeChanged):

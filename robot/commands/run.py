@@ -49,10 +49,6 @@ def run(
     result = run_with_view(settings, options, speed)
     if summary is not None:
         write_json(summary, describe(result, options.folder))
-    if result.dangling:
-        sys.stderr.write(
-            f"sprayer: {len(result.dangling)} shot(s) of an earlier run had no outcome and were booked as full pulses\n"
-        )
     return 0 if result.state is State.DONE or not start or _stopped_by_signal(result) else 1
 
 

@@ -67,7 +67,7 @@ def plan(
             f"{dose_ml:.2f} ml cannot be given: a pulse of {pulses.min_s:.3f} to {pulses.max_s:.3f} s "
             f"gives {least_ml:.2f} to {flow.volume_ml(pulses.max_s, pressure_bar):.2f} ml"
         )
-    return Shot(due_ml=due_ml, dose_ml=dose_ml, open_s=open_s, limit=limit)
+    return Shot(due_ml=due_ml, dose_ml=dose_ml, open_s=open_s, limit="" if dose_ml == due_ml else limit)
 
 
 def _pulses(dose_ml: float, flow: FlowModel, pressure_bar: float, limits: PulseLimits) -> tuple[float, ...]:

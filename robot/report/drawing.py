@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from drivers.twin.truth_record import TrueFruit
 from robot.ledger import ShotRow, StopRow
@@ -13,6 +13,7 @@ from robot.targets import Target
 PIXELS_A_METRE = 240.0
 _MARGIN_M = 0.12
 _LEAST_LABEL_R_PX = 7.0
+_LABEL_WIDTH_PX, _LABEL_HEIGHT_PX = 19.0, 9.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -92,6 +93,7 @@ def row_view(
         _disc(target, u(float(target.centre_m[0])), v(float(target.centre_m[axis])), booked_ml.get(target.id, 0.0))
         for target in sorted(targets, key=depth)
     )
+    discs = _without_clashing_labels(discs)
     found = set() if judgement is None else set(judgement.fruit_of.values())
     outlines = tuple(
         Disc(
@@ -162,6 +164,18 @@ def _disc(target: Target, cx: float, cy: float, booked_ml: float) -> Disc:
     )
     label = f"{booked_ml:.1f}" if booked_ml and radius >= _LEAST_LABEL_R_PX else ""
     return Disc(cx, cy, radius, target.state.value, label, title)
+
+
+def _without_clashing_labels(discs: Sequence[Disc]) -> tuple[Disc, ...]:
+    """Front discs keep their label; those whose label would lie under it lose theirs (the tool tip still tells)."""
+    kept: list[Disc] = []
+    for disc in reversed(discs):
+        clash = any(
+            other.label and abs(other.cx - disc.cx) < _LABEL_WIDTH_PX and abs(other.cy - disc.cy) < _LABEL_HEIGHT_PX
+            for other in kept
+        )
+        kept.append(replace(disc, label="") if clash else disc)
+    return tuple(reversed(kept))
 
 
 def _radius(diameter_m: float) -> float:

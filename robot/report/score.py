@@ -159,12 +159,9 @@ def seconds_a_target(evidence: Evidence, sprayed: int) -> float | None:
 
 
 def _kind(target: Target) -> str:
-    reason = (
-        ""
-        if not target.reason
-        else ": " + " ".join(word for word in target.reason.split() if not any(letter.isdigit() for letter in word))
-    )
-    return f"{target.state.value.replace('_', ' ')}{reason}"
+    words = [word for word in target.reason.split() if not any(letter.isdigit() for letter in word)]
+    reason = " ".join(words) or ("not treated yet" if target.state is TargetState.OPEN else "")
+    return target.state.value.replace("_", " ") + (f": {reason}" if reason else "")
 
 
 def _best_views(truth: TruthRecord) -> dict[int, float]:

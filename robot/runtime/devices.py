@@ -6,11 +6,13 @@ from collections.abc import Callable
 from contextlib import AsyncExitStack
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Protocol
 
 from drivers.arm.interface import Arm
 from drivers.arm.mock import MockArm
 from drivers.camera.interface import StereoCamera
 from drivers.camera.mock import MockCamera
+from drivers.errors import DeviceError
 from drivers.gps.interface import Gps
 from drivers.gps.mock import MockGps
 from drivers.gps.values import FixQuality
@@ -26,10 +28,10 @@ from drivers.twin.machine import Twin
 from drivers.twin.nominal import Nominal
 from drivers.twin.optics import StereoOptics
 from drivers.twin.scene import Scene
-from drivers.twin.truth import TruthLog
 from drivers.wheels.interface import Wheels
 from drivers.wheels.mock import MockWheels
 from robot.config import Config
+from robot.errors import BusyError, FileError
 from robot.navigation import Row
 from robot.runtime.settings import mounts
 from robot.vision.stereo_rig import StereoRig
@@ -47,20 +49,34 @@ class Devices:
     modem: Modem
     wheels: Wheels
 
-    async def open(self, stack: AsyncExitStack) -> None:
-        """Open all; the stack closes them in the reverse order, the relay last."""
-        for device in (self.relay, self.inputs, self.wheels, self.arm, self.camera, self.gps, self.modem):
+    async def open(self, stack: AsyncExitStack, on_trouble: Callable[[str], None]) -> None:
+        """Open all; the stack closes them in reverse order, the relay last, and goes on past one that fails."""
+        named: dict[str, _Device] = {
+            "relay": self.relay, "inputs": self.inputs, "wheels": self.wheels, "arm": self.arm,
+            "camera": self.camera, "gps": self.gps, "modem": self.modem,
+        }  # fmt: skip
+        for name, device in named.items():
             await device.open()
-            stack.push_async_callback(device.close)
+            stack.push_async_callback(_close, name, device, on_trouble)
 
 
-def make_twin(
-    config: Config, row: Row, rig: StereoRig, urdf_text: str, truth: Path | None, resume: bool
-) -> Twin:
-    """The simulated machine behind mock back ends; ``resume`` goes on where the truth file's last process ended."""
-    seed = config.twin.seed
+class _Device(Protocol):
+    async def open(self) -> None: ...
+
+    async def close(self) -> None: ...
+
+
+async def _close(name: str, device: _Device, on_trouble: Callable[[str], None]) -> None:
+    try:
+        await device.close()
+    except DeviceError as error:
+        on_trouble(f"{name} was not closed: {error}")
+
+
+def nominal_machine(config: Config, rig: StereoRig, urdf_text: str) -> Nominal:
+    """The machine as configured, in the twin's words: what the robot is told, from which the twin's truth deviates."""
     base_from_camera, base_from_arm = mounts(config)
-    nominal = Nominal(
+    return Nominal(
         optics=StereoOptics(
             rig.image_size, rig.K_left, rig.K_right, rig.dist_left, rig.dist_right, rig.R, rig.t_m
         ),
@@ -93,6 +109,12 @@ def make_twin(
         gps_row_heading_rad=config.navigation.datum_heading_rad,
         gps_quality=FixQuality[config.twin.gps.upper()],
     )
+
+
+def make_twin(config: Config, row: Row, rig: StereoRig, urdf_text: str, truth: Path | None) -> Twin:
+    """The simulated machine behind mock back ends: a new one, or the one that an existing truth file tells of."""
+    seed = config.twin.seed
+    nominal = nominal_machine(config, rig, urdf_text)
     scene = Scene(
         seed=seed,
         hour=config.twin.hour,
@@ -103,9 +125,16 @@ def make_twin(
         stem_distance_m=config.plants.stem_distance_m,
         fruits_per_plant=config.twin.fruits_per_plant,
     )
-    if resume and truth is not None:
+    if truth is None:
+        return Twin(nominal, scene, seed)
+    try:
         return resume_from(truth, nominal, scene, seed)
-    return Twin(nominal, scene, seed, TruthLog(truth))
+    except BlockingIOError as error:
+        raise BusyError(str(error)) from error
+    except OSError as error:
+        raise FileError(f"{truth}: cannot be used ({error.strerror}); choose another truth file") from error
+    except ValueError as error:
+        raise FileError(str(error)) from error
 
 
 def make_devices(twin: Twin, clock: Callable[[], float]) -> Devices:

@@ -103,7 +103,7 @@ async def run_robot(config: Config, options: RunOptions, bus: Bus) -> RunResult:
         dangling = ledger.book_dangling(datetime.now(UTC))
         if options.resume and options.truth is None:
             raise UsageError("a simulated run resumes from its truth file; give the former run's with --truth FILE")
-        twin = make_twin(config, row, rig, urdf_text, options.truth, options.resume)
+        twin = make_twin(config, row, rig, urdf_text, options.truth)
         stack.callback(twin.close_truth)
         devices = make_devices(twin, loop.time)
         if devices.camera.image_size != rig.image_size:
@@ -112,7 +112,7 @@ async def run_robot(config: Config, options: RunOptions, bus: Bus) -> RunResult:
                 f"{rig.image_size}; calibrate at the size that is used"
             )
         try:
-            await devices.open(stack)
+            await devices.open(stack, lambda text: bus.publish(Trouble(text, loop.time())))
         except DeviceError as error:
             raise UnavailableError(str(error)) from error
         robot = _Robot(config, options, bus, ledger, devices, mission_settings(config, row, arm_model))

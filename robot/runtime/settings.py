@@ -91,6 +91,7 @@ def hand_settings(config: Config) -> HandSettings:
         settle_timeout_s=config.arm.settle_timeout_s,
         pump_lease_s=config.fluid.pump_lease_s,
         meter_ml_per_pulse=config.fluid.meter_ml_per_pulse,
+        meter_tolerance=config.fluid.meter_tolerance,
         valve_close_s=config.fluid.valve_close_s,
     )
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import asyncio
 from collections.abc import Awaitable, Callable
 from dataclasses import dataclass
-from typing import Any, Generic, TypeVar
+from typing import Any, Generic, Protocol, TypeVar
 
 import pytest
 
@@ -27,7 +27,14 @@ from drivers.wheels.mock import MockWheels
 from robot.clock import run_virtual
 from tests.drivers.twin import rig
 
-D = TypeVar("D")
+
+class Opens(Protocol):
+    """What all devices have in common."""
+
+    async def open(self) -> None: ...
+
+
+D = TypeVar("D", bound=Opens)
 Make = Callable[[Twin, Callable[[], float]], D]
 
 CAMERAS: dict[str, Make[StereoCamera]] = {"mock": MockCamera}
@@ -54,7 +61,7 @@ class Bench(Generic[D]):
         async def main() -> None:
             device = self.make(twin, asyncio.get_running_loop().time)
             if opened:
-                await device.open()  # type: ignore[attr-defined]
+                await device.open()
             await test(device, twin)
             twin.advance(asyncio.get_running_loop().time())
 

@@ -312,3 +312,17 @@ def test_the_valve_coil_reads_the_other_way_round_when_the_board_is_wrong(relay:
         assert dict(state.coils) != twin.coils(now())
 
     relay.run(test, "relay:wrong@1s")
+
+
+def test_a_late_frame_takes_effect_after_its_answer_and_never_after_a_later_one(relay: Bench[RelayBoard]) -> None:
+    async def test(board: RelayBoard, twin: Twin) -> None:
+        await asyncio.sleep(1.0)
+        await board.pulse(Channel.VALVE, 5.0)
+        assert not on(twin, Channel.VALVE)
+        await asyncio.sleep(0.5)
+        assert on(twin, Channel.VALVE)
+        await board.cancel(Channel.VALVE)
+        await asyncio.sleep(0.5)
+        assert not on(twin, Channel.VALVE)
+
+    relay.run(test, "relay:delayed@1s")

@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from robot.targets import Book, BookParameters, Sighting, TargetState, observe, with_state
-from tests.robot.targets.fruit import COVARIANCE, seen
+from tests.robot.targets.fruit import seen
 
 PARAMETERS = BookParameters()
 seeds = st.integers(0, 2**32 - 1)
@@ -33,10 +33,9 @@ def row_of_fruit(rng: np.random.Generator, count: int) -> list[tuple[npt.NDArray
 def frame_of(
     fruits: list[tuple[npt.NDArray[np.float64], float]], rng: np.random.Generator, drift_m: npt.ArrayLike
 ) -> list[Sighting]:
-    return [
-        seen(*(c + drift_m + np.clip(rng.multivariate_normal(np.zeros(3), COVARIANCE), -0.03, 0.03)), diameter_m=d)
-        for c, d in fruits
-    ]
+    """A frame whose errors, with 2 mm of drift, are too small for touching fruit to be confused."""
+    bound_m = np.array([0.003, 0.008, 0.003])
+    return [seen(*(c + drift_m + rng.uniform(-bound_m, bound_m)), diameter_m=d) for c, d in fruits]
 
 
 @given(seeds, st.integers(1, 12))
@@ -46,28 +45,45 @@ def test_every_fruit_seen_from_every_stop_is_one_target_in_spite_of_pose_drift(s
     fruits = row_of_fruit(rng, count)
     book = Book()
     for stop in range(3):
-        drift = np.append(rng.uniform(-0.005, 0.005, 2), 0.0)
+        drift = np.append(rng.uniform(-0.001, 0.001, 2), 0.0)
         book, matches = observe(book, frame_of(fruits, rng, drift), float(stop), PARAMETERS)
         assert len({item.target_id for item in matches}) == count
     assert len(book.targets) == count
 
 
-@given(seeds, st.integers(1, 12))
-@settings(max_examples=60, deadline=None)
-def test_no_fruit_is_ever_offered_for_spraying_again(seed: int, count: int) -> None:
-    rng = np.random.default_rng(seed)
+def doses_over_five_stops(rng: np.random.Generator, count: int, sigma_m: npt.ArrayLike | None) -> list[int]:
+    """How often each fruit is sprayed when every open target is sprayed with probability 0.7 whenever it is seen.
+
+    ``sigma_m`` (3,) are the one-sigma errors, with a drift of 10 mm between stops; None for bounded ones.
+    """
     fruits = row_of_fruit(rng, count)
     doses = [0] * count
     book = Book()
     for stop in range(5):
         shown = [i for i in range(count) if rng.random() < 0.6]
-        drift = np.append(rng.uniform(-0.005, 0.005, 2), 0.0)
-        book, matches = observe(book, frame_of([fruits[i] for i in shown], rng, drift), float(stop), PARAMETERS)
+        frame = frame_of([fruits[i] for i in shown], rng, 0.0)
+        if sigma_m is not None:
+            drift = np.append(rng.uniform(-0.01, 0.01, 2), 0.0)
+            frame = [seen(*(fruits[i][0] + drift + rng.normal(0.0, sigma_m)), diameter_m=fruits[i][1]) for i in shown]
+        book, matches = observe(book, frame, float(stop), PARAMETERS)
         for item in matches:
             if book.target(item.target_id).state is TargetState.OPEN and rng.random() < 0.7:
                 doses[shown[item.index]] += 1
                 book = with_state(book, item.target_id, TargetState.SPRAYED, "")
-    assert max(doses) <= 1
+    return doses
+
+
+@given(seeds, st.integers(1, 12))
+@settings(max_examples=60, deadline=None)
+def test_no_fruit_is_ever_offered_for_spraying_again(seed: int, count: int) -> None:
+    assert max(doses_over_five_stops(np.random.default_rng(seed), count, None)) <= 1
+
+
+def test_with_the_errors_of_a_real_camera_in_dense_clusters_hardly_any_fruit_is_offered_again() -> None:
+    rng = np.random.default_rng(11)
+    doses = [dose for _ in range(120) for dose in doses_over_five_stops(rng, 8, [0.005, 0.015, 0.005])]
+    assert sum(dose > 1 for dose in doses) <= 0.004 * len(doses)
+    assert sum(dose == 0 for dose in doses) <= 0.12 * len(doses)
 
 
 @given(seeds, st.integers(1, 10))
@@ -75,7 +91,7 @@ def test_no_fruit_is_ever_offered_for_spraying_again(seed: int, count: int) -> N
 def test_the_order_of_sightings_in_a_frame_changes_nothing(seed: int, count: int) -> None:
     rng = np.random.default_rng(seed)
     fruits = row_of_fruit(rng, count)
-    first, second = frame_of(fruits, rng, 0.0), frame_of(fruits, rng, [0.008, 0.0, 0.0])
+    first, second = frame_of(fruits, rng, 0.0), frame_of(fruits, rng, [0.002, 0.0, 0.0])
     book, _ = observe(Book(), first, 0.0, PARAMETERS)
     plain, matches = observe(book, second, 1.0, PARAMETERS)
     shuffled = rng.permutation(count).tolist()

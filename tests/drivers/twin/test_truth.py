@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import signal
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -271,3 +274,31 @@ def test_a_world_line_torn_at_birth_leaves_an_empty_file_to_begin(path: Path) ->
     twin = new(path)
     end(twin)
     assert len(read_truth(path).processes) == 1
+
+
+_KILLED_WHILE_SPRAYING = """
+import os, signal, sys
+from pathlib import Path
+from drivers.relay.values import Channel
+from drivers.twin import TruthLog
+from drivers.twin import commands as c
+from tests.drivers.twin import rig
+
+twin = rig.twin(truth=TruthLog(Path(sys.argv[1])))
+twin.apply(0.0, c.RelayPulse(Channel.PUMP, 20.0, 0.01))
+twin.apply(5.0, c.RelayPulse(Channel.VALVE, 0.8, 5.01))
+twin.advance(5.2)
+os.kill(os.getpid(), signal.SIGKILL)
+"""
+
+
+def test_a_killed_process_leaves_all_that_was_done_and_the_file_unlocked(path: Path) -> None:
+    root = Path(__file__).parents[3]
+    done = subprocess.run([sys.executable, "-c", _KILLED_WHILE_SPRAYING, str(path)], cwd=root, check=False)
+    assert done.returncode == -signal.SIGKILL
+    judged = run_on(path)
+    assert judged.valve_open_at_last
+    assert judged.total_ml == pytest.approx(12.6 * (0.8 - 0.025 + 0.020), rel=0.01)
+    twin = resume_from(path, rig.nominal(), rig.scene(), SEED)
+    assert twin.dispensed_ml == judged.total_ml
+    end(twin)

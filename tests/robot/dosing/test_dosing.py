@@ -44,6 +44,10 @@ def test_double_the_diameter_is_due_eight_times_by_volume_four_times_by_area_onc
         assert law.due_ml(0.1) / law.due_ml(0.05) == pytest.approx(factor)
 
 
+def test_the_laws_dose_is_its_due_inside_minimum_and_maximum() -> None:
+    assert [LAW.dose_ml(d) for d in (0.03, 0.08, 0.2)] == [1.5, pytest.approx(LAW.due_ml(0.08)), 12.0]
+
+
 def test_area_law_counts_the_surface_of_the_sphere() -> None:
     assert DoseLaw(LawKind.AREA, 0.05, 0.1, 50.0).due_ml(0.07) == pytest.approx(0.05 * math.pi * 49.0)
 
@@ -85,6 +89,12 @@ def test_the_cap_of_a_shot_wins_over_the_law() -> None:
 
 def test_a_fruit_inside_all_limits_names_none() -> None:
     assert shot(0.08).limit == ""
+
+
+def test_a_cap_that_takes_back_what_the_minimum_added_leaves_the_due_dose_unchanged() -> None:
+    law = DoseLaw(LawKind.FIXED, 1.2, 1.5, 12.0)
+    planned = shot(0.08, law=law, caps=Caps(shot_ml=1.2))
+    assert (planned.due_ml, planned.dose_ml, planned.limit) == (1.2, 1.2, "")
 
 
 def test_a_total_with_too_little_left_refuses_the_whole_dose() -> None:

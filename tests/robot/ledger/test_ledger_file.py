@@ -10,12 +10,14 @@ import sqlite3
 import subprocess
 import sys
 import threading
+from datetime import timedelta
 from pathlib import Path
 
 import pytest
 
 from robot.errors import BusyError, FileError
-from robot.ledger import Ledger, LedgerReader, Outcome
+from robot.ledger import Ledger, LedgerReader, Outcome, wall_clock
+from robot.ledger.database import readable_errors
 from tests.robot.ledger.rows import INTENT, NOON, SPRAYED, intent, started
 
 REPOSITORY = Path(__file__).parents[3]
@@ -255,3 +257,44 @@ def test_a_full_disk_refuses_the_intent_and_keeps_what_was_written(tmp_path: Pat
     ledger.close()
     with Ledger.open(ledger.path) as again:
         assert len(again.dangling()) in (1, 2)
+
+
+@pytest.mark.parametrize(
+    ("name", "remedy"),
+    [
+        ("SQLITE_FULL", "free space on the disk; no ledger, no spray"),
+        ("SQLITE_IOERR_WRITE", "full or failing"),
+        ("SQLITE_CORRUPT", "keep the file for the records"),
+        ("SQLITE_READONLY", "can be written"),
+        ("SQLITE_BUSY", "another program keeps the file locked"),
+        ("SQLITE_INTERNAL", "check the file and the disk"),
+    ],
+)
+def test_every_failure_of_the_file_names_its_remedy(tmp_path: Path, name: str, remedy: str) -> None:
+    error = sqlite3.OperationalError("it failed")
+    error.sqlite_errorname = name
+    with pytest.raises(FileError, match=f"run.ledger: it failed; .*{remedy}"), readable_errors(tmp_path / "run.ledger"):
+        raise error
+
+
+def test_rows_bear_the_wall_clocks_time(tmp_path: Path) -> None:
+    with Ledger.open(tmp_path / "run.ledger") as ledger:
+        before = wall_clock()
+        ledger.begin_run("boot", before)
+        ledger.record_event("state", "idle", 0.0)
+        (event,) = ledger.events()
+    assert abs((event.utc - before).total_seconds()) < 60.0
+    assert event.utc.utcoffset() == timedelta(0)
+
+
+def test_a_disk_too_full_for_the_lock_is_named(tmp_path: Path) -> None:
+    soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
+    old_handler = signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
+    try:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (0, hard))
+        with pytest.raises(FileError, match="lock: cannot be written"):
+            Ledger.open(tmp_path / "run.ledger")
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
+        signal.signal(signal.SIGXFSZ, old_handler)
+    Ledger.open(tmp_path / "run.ledger").close()

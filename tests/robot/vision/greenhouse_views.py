@@ -52,9 +52,7 @@ def crooked_rig() -> StereoRig:
 def views(rig: StereoRig, *, seed: int, hour: float, at_x_m: tuple[float, ...]) -> list[View]:
     """What the rig sees of one row from several stops."""
     greenhouse = grow(Scene(seed=seed, hour=hour, row_length_m=2.5))
-    optics = StereoOptics(
-        rig.image_size, rig.K_left, rig.K_right, rig.dist_left, rig.dist_right, rig.R, rig.t_m
-    )
+    optics = StereoOptics(rig.image_size, rig.K_left, rig.K_right, rig.dist_left, rig.dist_right, rig.R, rig.t_m)
     renderer = StereoRenderer(greenhouse, optics, seed)
     by_id = {fruit.id: fruit for fruit in greenhouse.fruits}
     out = []

@@ -176,7 +176,9 @@ def test_a_rig_with_its_cameras_exchanged_is_refused(detector: FruitDetector, no
         detector.detect(noon[0].left, noon[0].right, exchanged)
 
 
-@pytest.mark.skipif(not GREENHOUSE.exists(), reason="no greenhouse set: put it beside the project or set SPRAYER_SHARED")
+@pytest.mark.skipif(
+    not GREENHOUSE.exists(), reason="no greenhouse set: put it beside the project or set SPRAYER_SHARED"
+)
 def test_ripe_fruit_of_an_independent_renderer_are_found_by_day_and_by_dusk(detector: FruitDetector) -> None:
     names = {"dev_012", "dev_036", "dev_060", "dev_066"}
     found = wanted = 0
