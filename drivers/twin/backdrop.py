@@ -32,7 +32,7 @@ class Backdrop:
         self._reflectance = np.vstack([_wall(self._wall_rows, rng), _soil(self._soil_rows, rng)])
 
     def lit(self, light: Illumination) -> Picture:
-        """(rows, columns, 3) codes of radiance."""
+        """(rows, columns, 4) codes of radiance, the last channel 0."""
         facing = max(-math.copysign(1.0, self._wall_y_m) * float(light.sun_direction[1]), 0.0)
         high = max(float(light.sun_direction[2]), 0.0)
         depth = np.array([abs(self._wall_y_m)])
@@ -44,10 +44,11 @@ class Backdrop:
         for rows, irradiance in ((slice(0, self._wall_rows), wall), (slice(self._wall_rows, None), soil)):
             table = np.minimum(np.arange(256)[:, None] * light.gain(irradiance) + 0.5, 255.0).astype(np.uint8)
             out[rows] = cv2.LUT(out[rows], table[:, None, :])
-        return out
+        empty = np.zeros((*out.shape[:2], 1), np.uint8)
+        return np.concatenate([out, empty], axis=2)
 
     def seen(self, lit: Picture, rays: Rays, eye_from_row: Array) -> Picture:
-        """(h, w, 3) what an eye sees of it. Half resolution, as a lens focused on the near row renders it."""
+        """(h, w, 4) what an eye sees of it. Half resolution, as a lens focused on the near row renders it."""
         width, height = rays.width, rays.height
         columns, rows = rays.grid.shape[1::-1]
         rotation = eye_from_row[:3, :3]

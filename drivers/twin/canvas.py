@@ -111,10 +111,10 @@ def _spread(values: Array, rows: Floats, columns: Floats) -> Floats:
 
 class Canvas:
     """``picture`` (h, w, 4): BGR codes (see ``Illumination``) and which fruit shows: its slot, 1 to ``SLOTS``; 0 and
-    values above are none. ``inverse_depth`` (h, w) 1/z, 0 where only the backdrop is."""
+    values above are none; painted over ``backdrop``, in place. ``inverse_depth`` (h, w) 1/z, 0 where only the backdrop is."""
 
     def __init__(self, backdrop: Picture) -> None:
-        self.picture: Picture = cv2.cvtColor(backdrop, cv2.COLOR_BGR2BGRA)
+        self.picture = backdrop
         self.inverse_depth: Floats = np.zeros(backdrop.shape[:2], np.float32)
 
     def put(self, box: Box, colour: Picture, inverse_depth: Floats) -> None:

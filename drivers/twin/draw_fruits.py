@@ -18,7 +18,7 @@ Array = npt.NDArray[np.float64]
 
 _NEAREST_M = 0.15
 _EDGE_PX = 0.7072  # half the diagonal of a pixel
-_SHADING_GRID = 26
+_SHADING_GRID = 22
 _NINE_U, _NINE_V = (grid.ravel() for grid in np.meshgrid(np.arange(3), np.arange(3)))
 
 

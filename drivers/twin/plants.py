@@ -206,22 +206,21 @@ def _leaves_of_plant(scene: Scene, foot: Array, lane: Array, rng: np.random.Gene
         here = np.array([foot[0], foot[1], height]) + 0.03 * out
         shade = rng.uniform(0.75, 1.25) * np.array([rng.uniform(0.85, 1.2), 1.0, rng.uniform(0.8, 1.15)])
         scale = rng.uniform(0.8, 1.2)
-        for step in range(3):
+        for last in (False, True):
             along = math.cos(pitch) * out + np.array([0.0, 0.0, math.sin(pitch)])
             across = np.cross(along, [0.0, 0.0, 1.0])
             across /= np.linalg.norm(across)
             roll = rng.normal(0.0, 0.5)
             across = math.cos(roll) * across + math.sin(roll) * np.cross(along, across)
-            last = step == 2
-            length = scale * (0.115 if last else 0.095)
-            width = scale * (0.095 if last else (0.16, 0.18)[step])
+            length = scale * (0.12 if last else 0.16)
+            width = scale * (0.10 if last else 0.17)
             corner.append(here - 0.5 * width * across)
             u.append(width * across)
             v.append(length * along)
             texture.append(int(rng.choice(TERMINALS if last else PAIRS)))
             tint.append(shade * rng.uniform(0.9, 1.1))
             here = here + length * along
-            pitch -= rng.uniform(0.25, 0.6)
+            pitch -= rng.uniform(0.35, 0.8)
     return _leaves(corner, u, v, texture, tint)
 
 

@@ -223,7 +223,7 @@ class _Robot:
         try:
             async with asyncio.timeout(FIRST_READINGS_S):
                 while True:
-                    if self.actuation.inputs() is not None:
+                    if self.actuation.all_reported:
                         break
                     await asyncio.sleep(0.02)
         except TimeoutError:

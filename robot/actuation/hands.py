@@ -1,0 +1,221 @@
+"""The only hands: every command that moves or sprays goes through here, asks safety first, and is accounted for."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Awaitable, Callable
+
+from drivers.arm.interface import Arm
+from drivers.arm.values import JointTrajectory
+from drivers.errors import DeviceError
+from drivers.inputs.interface import Inputs as InputDevices
+from drivers.inputs.values import InputState
+from drivers.relay.interface import RelayBoard
+from drivers.relay.values import Channel
+from drivers.wheels.interface import Wheels
+from drivers.wheels.values import Odometry
+from robot import safety
+from robot.actuation.gate import Gate, now_s
+from robot.actuation.liquid import Liquid
+from robot.actuation.readings import Readings
+from robot.actuation.stopping import stop_part
+from robot.actuation.values import HandSettings, PartStopped, PulseOrder
+from robot.ledger import Ledger
+from robot.ledger.values import Result
+from robot.safety.timing import FRAME_MOTION_MAX_M
+
+
+class Actuation:
+    """Holds the handles that can move or spray, the safety state, and the flow account of one run."""
+
+    def __init__(
+        self,
+        arm: Arm,
+        relay: RelayBoard,
+        wheels: Wheels,
+        inputs: InputDevices,
+        ledger: Ledger,
+        limits: safety.Limits,
+        settings: HandSettings,
+        on_mode: Callable[[safety.SafetyState], None],
+    ) -> None:
+        self._arm, self._relay, self._wheels, self._inputs = arm, relay, wheels, inputs
+        self._settings = settings
+        self._readings = Readings(settings)
+        self._gate = Gate(self._readings, limits, on_mode)
+        self._liquid = Liquid(relay, inputs, ledger, self._gate, self._readings, settings, self.stop)
+
+    # --- what is known of the machine -------------------------------------------------------------------------
+
+    @property
+    def state(self) -> safety.SafetyState:
+        return self._gate.state
+
+    @property
+    def odometry(self) -> Odometry | None:
+        return self._readings.odometry
+
+    @property
+    def sensors(self) -> InputState | None:
+        return self._readings.sensors
+
+    @property
+    def joints_rad(self) -> tuple[float, ...] | None:
+        return self._readings.joints_rad
+
+    @property
+    def arm_stowed(self) -> bool:
+        return self._readings.arm_stowed
+
+    @property
+    def tank_left_ml(self) -> float:
+        return self._readings.tank_left_ml
+
+    @property
+    def base_moved(self) -> bool:
+        """Whether the base rolled so far since the frame that a new one is needed."""
+        return self._readings.moved_since_frame_m > FRAME_MOTION_MAX_M
+
+    @property
+    def all_reported(self) -> bool:
+        return self._readings.inputs() is not None
+
+    def mark_frame(self) -> None:
+        """The base stands where it stood when the newest frame was taken: motion is counted from here."""
+        self._readings.frame_mark = self._readings.odometry
+
+    def begin_task(self, task_id: int, tank_left_ml: float, task_ml: float, target_ml: dict[int, float]) -> None:
+        """Which task the ledger books on, and what earlier runs of it gave."""
+        self._liquid.begin_task(task_id)
+        self._readings.tank_left_ml = tank_left_ml
+        self._gate.begin_task(task_ml, target_ml)
+
+    async def begin_metering(self) -> None:
+        """Start the flow account at the meter's present count."""
+        await self._liquid.begin_metering()
+
+    async def poll_sensors(self) -> None:
+        reading = await self._inputs.read()
+        self._readings.sensors = reading
+        if reading.estop_pressed and self.state.mode is not safety.Mode.ESTOP:
+            await self.emergency_stop("the e-stop was pressed")
+        if reading.bumper_pressed and self._gate.armed:
+            await self.stop("the bumper was pressed")
+
+    async def poll_odometry(self) -> None:
+        self._readings.odometry = await self._wheels.odometry()
+
+    async def poll_arm(self) -> None:
+        self._readings.take_arm(await self._arm.state())
+
+    async def poll_relay(self) -> None:
+        """Read the coils back and renew the pump's lease; leaves the bus alone while a shot is under way."""
+        if not self._liquid.shot_under_way:
+            self._readings.relay = await self._relay.read()
+            await self._liquid.renew_pump()
+
+    # --- modes ------------------------------------------------------------------------------------------------
+
+    def change_mode(self, verb: safety.Verb, cause: str) -> safety.Decision:
+        """Arm, start, pause, finish, acknowledge, reset, disarm. Stops are ``stop`` and ``emergency_stop``."""
+        return self._gate.change_mode(verb, cause)
+
+    async def stop(self, cause: str) -> tuple[PartStopped, ...]:
+        """The operator's STOP: latch, close, halt, hold. Goes on past errors and reports each part."""
+        self.change_mode(safety.Verb.STOP, cause)
+        return await self._let_go()
+
+    async def emergency_stop(self, cause: str) -> tuple[PartStopped, ...]:
+        self.change_mode(safety.Verb.ESTOP, cause)
+        return await self._let_go()
+
+    async def _let_go(self) -> tuple[PartStopped, ...]:
+        self._liquid.cut()
+        self._readings.base_commanded = False
+        self._readings.arm_settled = False
+        parts: tuple[tuple[str, Callable[[], Awaitable[None]]], ...] = (
+            ("valve", lambda: self._relay.cancel(Channel.VALVE)),
+            ("base", self._wheels.stop),
+            ("arm", self._arm.hold),
+            ("pump", lambda: self._relay.cancel(Channel.PUMP)),
+        )
+        stopped = asyncio.gather(*(stop_part(name, action) for name, action in parts))
+        return tuple(await asyncio.shield(stopped))
+
+    async def energise(self, lamp: bool) -> None:
+        """Before arming: main contactor and beacon on, and the lamp when it is wanted."""
+        wanted = {Channel.CONTACTOR, Channel.BEACON} | ({Channel.LAMP} if lamp else set())
+        for channel in sorted(wanted & self._relay.channels):
+            await self._relay.switch(channel, True)
+        await self._arm.torque(True)
+        await self.poll_arm()
+        await self.poll_relay()
+
+    async def de_energise(self) -> tuple[PartStopped, ...]:
+        """Everything off at the relay board; the arm goes on holding."""
+        self._liquid.cut()
+        return (await stop_part("relay board", self._relay.all_off),)
+
+    # --- base and arm -----------------------------------------------------------------------------------------
+
+    async def drive(self, speed_m_s: float, yaw_rate_rad_s: float) -> None:
+        """One velocity command, good for the drive's command time-out; ``Refused`` with the reasons."""
+        request = safety.MotionRequest("base", speed_m_s, yaw_rate_rad_s)
+        self._gate.demand_motion(request)
+        self._readings.base_commanded = speed_m_s != 0.0 or yaw_rate_rad_s != 0.0
+        await self._wheels.drive(speed_m_s, yaw_rate_rad_s)
+
+    async def halt_base(self) -> None:
+        self._readings.base_commanded = False
+        await self._wheels.stop()
+
+    async def move_arm(self, trajectory: JointTrajectory) -> None:
+        """Follow to the end and wait until every joint has settled.
+
+        ``Refused`` by safety, ``DeviceError`` from the arm or when it does not settle. Cancelled, the arm holds.
+        """
+        self._gate.demand_motion(safety.MotionRequest("arm"))
+        self._readings.arm_settled = False
+        self._readings.goal_rad = trajectory.goal_rad
+        await self._arm.follow(trajectory)
+        await self._settle()
+
+    async def _settle(self) -> None:
+        tolerance_rad = self._settings.settle_tolerance_rad
+        deadline_s = now_s() + self._settings.settle_timeout_s
+        within_since_s: float | None = None
+        while True:
+            state = await self._arm.state()
+            self._readings.take_arm(state)
+            if self._readings.off_goal_rad > tolerance_rad:
+                within_since_s = None
+            elif within_since_s is None:
+                within_since_s = state.stamp_s
+            elif state.stamp_s - within_since_s >= self._settings.settle_s:
+                self._readings.arm_settled = True
+                return
+            if now_s() > deadline_s:
+                raise DeviceError(
+                    "arm",
+                    f"every joint within {tolerance_rad} rad of its goal",
+                    f"{self._readings.off_goal_rad:.3f} rad after {self._settings.settle_timeout_s} s",
+                    "look for something that blocks the arm",
+                )
+            await asyncio.sleep(0.02)
+
+    # --- liquid -----------------------------------------------------------------------------------------------
+
+    async def start_pump(self) -> None:
+        """Ask for pressure; the pump runs on leases that ``poll_relay`` renews."""
+        await self._liquid.start_pump()
+
+    async def stop_pump(self) -> None:
+        await self._liquid.stop_pump()
+
+    def board_pulse_s(self, open_s: float) -> float:
+        """The board's own timer for an opening: the next multiple of its quantum."""
+        return self._liquid.board_pulse_s(open_s)
+
+    async def spray(self, order: PulseOrder) -> Result:
+        """Open the valve once and account for it; see ``Liquid.spray``."""
+        return await self._liquid.spray(order)
