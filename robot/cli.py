@@ -13,7 +13,9 @@ from robot.commands.demo import demo
 from robot.commands.detect import detect
 from robot.commands.report import report
 from robot.commands.run import run
-from robot.errors import SprayerError, UnavailableError, UsageError
+from robot.errors import FileError, SprayerError, UnavailableError, UsageError
+
+_FILE = FileError.exit_code
 
 app = typer.Typer(no_args_is_help=True, add_completion=False, pretty_exceptions_enable=False, help=__doc__)
 app.command()(run)
@@ -41,6 +43,9 @@ def run_command(arguments: list[str]) -> int:
         return _fail(str(error), error.exit_code)
     except DeviceError as error:
         return _fail(str(error), UnavailableError.exit_code)
+    except OSError as error:
+        name = error.filename or "a file of this run"
+        return _fail(f"{name}: {error.strerror or error}; check the path, its permissions and the free space", _FILE)
     except Exception as error:
         if not isinstance(error, _wrong_usage()):
             raise
@@ -55,5 +60,6 @@ def _wrong_usage() -> type[Exception]:
 
 
 def _fail(text: str, code: int) -> int:
-    sys.stderr.write(f"sprayer: {text}\n")
+    line = "; ".join(part.strip() for part in text.splitlines() if part.strip())
+    sys.stderr.write(f"sprayer: {line}\n")
     return code

@@ -7,21 +7,25 @@ from __future__ import annotations
 
 import difflib
 import hashlib
+import os
 import tomllib
 from pathlib import Path
 from typing import Annotated, Any, Literal, Self
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
-from pydantic_settings import BaseSettings, PydanticBaseSettingsSource, SettingsConfigDict
+from pydantic_settings import BaseSettings, PydanticBaseSettingsSource, SettingsConfigDict, SettingsError
 
 from robot.errors import ConfigError
 from robot.package_files import config_file
 
-Finite = Annotated[float, Field(allow_inf_nan=False)]
+MAX_SEED = 2**63 - 1
+_ENVIRONMENT = "SPRAYER_"
+
 Metres = Annotated[float, Field(allow_inf_nan=False, ge=-5.0, le=5.0)]
 Radians = Annotated[float, Field(allow_inf_nan=False, ge=-6.3, le=6.3)]
 Vector3 = tuple[Metres, Metres, Metres]
 Rotation3 = tuple[Radians, Radians, Radians]
+Pixels = Annotated[int, Field(ge=64, le=8192)]
 Fraction = Annotated[float, Field(allow_inf_nan=False, ge=0.0, le=1.0)]
 
 
@@ -51,6 +55,7 @@ class RigSection(_Section):
 class CameraSection(_Section):
     backend: Literal["mock"]
     calibration: str
+    image_size_px: tuple[Pixels, Pixels] = (640, 480)
     exposure_s: Annotated[float, _between(1e-5, 0.2)]
     gain: Annotated[float, _between(1.0, 32.0)] = 1.0
     lamp: Literal["off", "on"] = "off"
@@ -113,7 +118,7 @@ class WheelsSection(_Section):
 class TwinSection(_Section):
     """The simulated greenhouse behind mock and emulated back ends."""
 
-    seed: int = 1
+    seed: Annotated[int, Field(ge=0, le=MAX_SEED)] = 1
     hour: Annotated[float, _between(8.0, 20.0)] = 12.0
     weather: Literal["clear", "overcast"] = "clear"
     gps: Literal["none", "single", "dgps", "rtk_float", "rtk_fixed"] = "rtk_fixed"
@@ -230,7 +235,7 @@ class NavigationSection(_Section):
 class Config(BaseSettings):
     """The whole configuration of one robot."""
 
-    model_config = SettingsConfigDict(extra="forbid", frozen=True, env_prefix="SPRAYER_", env_nested_delimiter="__")
+    model_config = SettingsConfigDict(extra="forbid", frozen=True, env_prefix=_ENVIRONMENT, env_nested_delimiter="__")
 
     robot: RobotSection
     rig: RigSection
@@ -305,10 +310,23 @@ def load_config(path: Path) -> Config:
         raise ConfigError(f"{found}: cannot be read ({error.strerror}); check the path and its permissions") from error
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
         raise ConfigError(f"{found}: not valid TOML ({error}); mend that line") from error
+    _check_environment()
     try:
         return Config(**raw)
     except ValidationError as error:
         raise ConfigError(f"{found}: " + "; ".join(_explain(item) for item in error.errors())) from error
+    except SettingsError as error:
+        raise ConfigError(f"environment: {error}; set single values, like {_ENVIRONMENT}TWIN__HOUR=19") from error
+
+
+def _check_environment() -> None:
+    """A section that is misspelt in a variable's name would be passed over in silence: refuse it."""
+    for name in os.environ:
+        section, separator, _ = name.upper().removeprefix(_ENVIRONMENT).lower().partition("__")
+        if name.upper().startswith(_ENVIRONMENT) and separator and section not in Config.model_fields:
+            near = difflib.get_close_matches(section, Config.model_fields, n=1)
+            hint = f"did you mean '{near[0]}'?" if near else f"sections are: {', '.join(Config.model_fields)}"
+            raise ConfigError(f"environment variable {name}: no section '{section}'; {hint}")
 
 
 def _explain(item: Any) -> str:

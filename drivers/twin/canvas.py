@@ -78,7 +78,7 @@ class Rays:
         return np.stack([rays[:, 0] - rays[:, 1], rays[:, 2] - rays[:, 3]], axis=-1)
 
     def boxes(self, low: Array, high: Array, margin_px: float = 1.0) -> npt.NDArray[np.int64]:
-        """(n, 4) parts x0, y0, x1, y1 of the image between corners (n, 2) in pixels; empty where x0 >= x1 or y0 >= y1."""
+        """(n, 4) parts x0, y0, x1, y1 of the image between pixels (n, 2), empty where x0 >= x1 or y0 >= y1."""
         edge = np.array([self.width, self.height], dtype=np.float64)
         first = np.clip(np.floor(low - margin_px), 0.0, edge)
         last = np.clip(np.ceil(high + margin_px) + 1.0, 0.0, edge)
@@ -111,7 +111,10 @@ def _spread(values: Array, rows: Floats, columns: Floats) -> Floats:
 
 class Canvas:
     """``picture`` (h, w, 4): BGR codes (see ``Illumination``) and which fruit shows: its slot, 1 to ``SLOTS``; 0 and
-    values above are none; painted over ``backdrop``, in place. ``inverse_depth`` (h, w) 1/z, 0 where only the backdrop is."""
+    values above are none; painted over ``backdrop``, in place.
+
+    ``inverse_depth`` (h, w) is 1/z, 0 where only the backdrop is.
+    """
 
     def __init__(self, backdrop: Picture) -> None:
         self.picture = backdrop

@@ -30,7 +30,8 @@ _CAP = np.concatenate(  # (18, 2) along and across: two half circles
 @dataclass(frozen=True, slots=True, eq=False)
 class CapsuleView:
     """A capsule before one eye: ``strips`` (s, n, 2) fixed-point polygons in its box and their colours (s, 3);
-    ``ramp`` (3,) gives its place along itself, 0 to 1, from u, v, 1, and ``inverse_depths`` (2,) 1/z at both ends."""
+    ``ramp`` (3,) gives its place along itself, 0 to 1, from u, v, 1, ``inverse_depths`` 1/z at both
+    ends; ``thin`` is a few pixels wide."""
 
     depth_m: float
     box: Box
@@ -90,7 +91,15 @@ class CapsuleSet:
         thin = (radii.max(axis=1) < _THIN_PX).tolist()
         ramp = np.column_stack([unit / length, -np.einsum("ni,ni->n", ends[:, 0], unit) / length[:, 0]])
         return [
-            CapsuleView(depth, (box[0], box[1], box[2], box[3]), polygons[k], colours[k], ramp[k], (inverse[k][0], inverse[k][1]), thin[k])
+            CapsuleView(
+                depth_m=depth,
+                box=(box[0], box[1], box[2], box[3]),
+                strips=polygons[k],
+                colours=colours[k],
+                ramp=ramp[k],
+                inverse_depths=(inverse[k][0], inverse[k][1]),
+                thin=thin[k],
+            )
             for k, (depth, box) in enumerate(zip(depths.mean(axis=1).tolist(), boxes.tolist(), strict=True))
         ]
 
@@ -102,7 +111,8 @@ class CapsuleSet:
         cross = np.sqrt(np.maximum(1.0 - (along @ light.sun_direction) ** 2, 0.0))[:, None, None]
         lamp = light.lamp_at(np.linalg.norm(lamp_m - 0.5 * (p0 + p1), axis=1))[:, None]
         facing = np.sqrt(1.0 - 0.95 * _WIDTHS**2)[:, None]
-        irradiance = light.ambient(rise)[:, None] * (0.7 + 0.3 * facing) + 0.45 * light.sun * cross * facing + lamp * facing
+        around = light.ambient(rise)[:, None] * (0.7 + 0.3 * facing)
+        irradiance = around + 0.45 * light.sun * cross * facing + lamp * facing
         codes = 255.0 * light.gain(irradiance * self.colour[chosen][:, None]) + 0.5
         listed: list[list[list[int]]] = np.minimum(codes, 255.0).astype(np.int64).tolist()
         return listed
@@ -124,7 +134,7 @@ def _polygons(ends: Array, radii: Array, unit: Array, across: Array, lit_side: A
     push = (_OFFSETS * (1.0 - _WIDTHS))[None, :, None, None] * (lit_side[:, None] * across)[:, None, None]
     local = _WIDTHS[None, :, None, None] * shape[:, None] + push
     out = ends[:, round_end][:, None] + radii[:, round_end][:, None, :, None] * local
-    return np.round(out * 2**_SHIFT).astype(np.int32)
+    return np.asarray(np.round(out * 2**_SHIFT), dtype=np.int32)
 
 
 def draw_capsule(canvas: Canvas, view: CapsuleView) -> None:

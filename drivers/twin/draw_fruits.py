@@ -153,4 +153,4 @@ def _covered(inside_px: Floats, slope: Floats) -> Floats:
     away = np.abs(inside_px)
     corner = np.maximum(0.5 * (long + short) - away, 0.0)
     part = np.where(away <= 0.5 * (long - short), 0.5 + away / long, 1.0 - corner * corner / (2.0 * long * short))
-    return np.where(inside_px >= 0.0, part, 1.0 - part).astype(np.float32)
+    return np.asarray(np.where(inside_px >= 0.0, part, 1.0 - part), dtype=np.float32)

@@ -26,8 +26,9 @@ _SHARPNESS = 0.6  # least picture pixels per image pixel
 
 @dataclass(frozen=True, slots=True, eq=False)
 class LeafView:
-    """One leaf before one eye, with its front (``face`` 0) or back: ``onto`` (3, 3) takes its picture of ``level`` pixels
-    a side into its box, ``plane`` (3,) gives 1/z from u, v in the box and 1, ``lamp_power`` (3,) see ``LitLeaves``."""
+    """One leaf before one eye, with its front (``face`` 0) or back: ``onto`` (3, 3) takes its picture of ``level``
+    pixels a side into its box, ``plane`` (3,) gives 1/z from u, v in the box and 1; for ``lamp_power`` (3,) see
+    ``LitLeaves``."""
 
     leaf: int
     face: int
@@ -180,4 +181,4 @@ def draw_leaf(canvas: Canvas, lit: LitLeaves, view: LeafView) -> None:
     warped = cv2.warpPerspective(lit.picture(view), view.onto, (x1 - x0, y1 - y0), flags=cv2.INTER_NEAREST)
     a, b, c = view.plane
     inverse_depth = (a * _COUNT[: x1 - x0] + c) + (b * _COUNT[: y1 - y0])[:, None]
-    canvas.put(view.box, warped, inverse_depth)
+    canvas.put(view.box, np.asarray(warped, dtype=np.uint8), inverse_depth)

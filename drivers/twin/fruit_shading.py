@@ -51,7 +51,7 @@ class FruitSkins:
 def shade_fruits(
     skins: FruitSkins,
     chosen: npt.NDArray[np.int64],
-    rays: Array,
+    rays: Floats,
     centre: Array,
     shape: Array,
     eye_from_row: Array,
@@ -61,8 +61,8 @@ def shade_fruits(
 ) -> Picture:
     """(m, g, g, 4) codes over the boxes of the chosen fruit, the last channel 0.
 
-    ``rays`` (m, 2, g, g) over the boxes, ``centre`` (m, 3) and ``shape`` (m, 3, 3) in the eye's frame. Lambert's law for
-    sun, sky and lamp, a highlight, shadows of leaves and of touching fruit, the calyx and the shoulder's colour.
+    ``rays`` (m, 2, g, g) over the boxes, ``centre`` (m, 3) and ``shape`` (m, 3, 3) in the eye's frame. Lambert's law
+    for sun, sky and lamp, a highlight, shadows of leaves and of touching fruit, the calyx and the shoulder's colour.
     """
     rotation = eye_from_row[:3, :3]
     count, _, grid, _ = rays.shape
@@ -127,7 +127,7 @@ def _sunlit(maps: Floats, right: Floats, up: Floats) -> Floats:
 
 
 def _looks(centre: Array, eye_from_row: Array, lamp_m: Array, light: Illumination) -> tuple[Floats, Array]:
-    """(m, 5, 3) unit vectors up, to the sun, halfway eye and sun, to the lamp, halfway eye and lamp; (m,) (0.6 m / d)2."""
+    """(m, 5, 3) unit vectors up, to sun, halfway eye and sun, to lamp, halfway eye and lamp; (m,) (0.6 m / d)2."""
     rotation = eye_from_row[:3, :3]
     to_eye = _unit(-centre)
     to_lamp = rotation @ lamp_m + eye_from_row[:3, 3] - centre

@@ -47,7 +47,7 @@ class Illumination:
         )
 
     def ambient(self, normal_up: Array) -> Array:
-        """(n, 3) irradiance from sky and surroundings on planes inside the row; ``normal_up`` (n,) is their normal's z."""
+        """(n, 3) irradiance of sky and surroundings on planes inside the row; ``normal_up`` (n,) is the normal's z."""
         up = normal_up[:, None]
         return CANOPY_SKY_SHARE * self.sky * (0.5 + 0.5 * up) + self.bounce * (0.75 - 0.25 * up)
 

@@ -53,12 +53,13 @@ class Eye:
             return bent
         straight = bent.copy()
         step = 1e-6
+        along_x, along_y = np.array([step, 0.0]), np.array([0.0, step])
         for _ in range(20):
             error = _bend(straight, self.dist) - bent
             if np.max(np.abs(error), initial=0.0) < 1e-12:
                 break
-            dx = (_bend(straight + [step, 0.0], self.dist) - _bend(straight - [step, 0.0], self.dist)) / (2 * step)
-            dy = (_bend(straight + [0.0, step], self.dist) - _bend(straight - [0.0, step], self.dist)) / (2 * step)
+            dx = (_bend(straight + along_x, self.dist) - _bend(straight - along_x, self.dist)) / (2 * step)
+            dy = (_bend(straight + along_y, self.dist) - _bend(straight - along_y, self.dist)) / (2 * step)
             det = dx[:, 0] * dy[:, 1] - dy[:, 0] * dx[:, 1]
             straight[:, 0] -= (dy[:, 1] * error[:, 0] - dy[:, 0] * error[:, 1]) / det
             straight[:, 1] -= (dx[:, 0] * error[:, 1] - dx[:, 1] * error[:, 0]) / det

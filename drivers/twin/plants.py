@@ -43,9 +43,8 @@ def grow(scene: Scene) -> Greenhouse:
         for k in range(count)
     ]
     vines = [_vine(foot, rng) for foot in feet]
-    supports = tuple(
-        Capsule(foot + [0.02, 0.0, 0.0], foot + [0.02, 0.0, 2.1], 0.004, CANE_COLOUR) for foot in feet
-    )
+    beside, above = np.array([0.02, 0.0, 0.0]), np.array([0.02, 0.0, 2.1])
+    supports = tuple(Capsule(foot + beside, foot + above, 0.004, CANE_COLOUR) for foot in feet)
     fruits: list[TwinFruit] = []
     trusses: list[Capsule] = []
     for foot in feet:
@@ -84,10 +83,7 @@ def _fruits_of_plant(
         fruit = None
         for _ in range(_PLACING_TRIES):
             draft = _draft(scene, len(others) + 1, rng)
-            if clustered:
-                draft = _beside(draft, new[-1], rng)
-            else:
-                draft = _moved(draft, _place(foot, lane, rng))
+            draft = _beside(draft, new[-1], rng) if clustered else _moved(draft, _place(foot, lane, rng))
             if _fits(draft, others, foot, lane, scene, new[-1] if clustered else None):
                 fruit = draft
                 break

@@ -130,4 +130,4 @@ class CapsuleSoup:
     def _square(origin_m: Array, end_m: Array) -> Array:
         """(n, m) squared distances, without the cancellation of expanded squares."""
         away = origin_m[:, None] - end_m
-        return np.einsum("nmi,nmi->nm", away, away)
+        return np.asarray(np.einsum("nmi,nmi->nm", away, away))

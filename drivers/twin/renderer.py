@@ -112,7 +112,8 @@ class StereoRenderer:
                 for rays, eye_from_row, count in zip(self._rays, painted.eyes_from_row, counts, strict=True)
             )
             left_from_row = painted.eyes_from_row[0]
-            views.append(FruitView(fruit.id, left_from_row[:3, :3] @ fruit.centre_m + left_from_row[:3, 3], left, right))
+            centre_m = left_from_row[:3, :3] @ fruit.centre_m + left_from_row[:3, 3]
+            views.append(FruitView(fruit.id, centre_m, left, right))
         return tuple(views)
 
     def _in_light(self, light: Light) -> _Lit:

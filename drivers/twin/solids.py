@@ -42,11 +42,11 @@ class TwinFruit:
 
     @property
     def semi_equatorial_m(self) -> float:
-        return 0.5 * self.diameter_m * self.oblateness ** (-1.0 / 3.0)
+        return float(0.5 * self.diameter_m * self.oblateness ** (-1.0 / 3.0))
 
     @property
     def semi_polar_m(self) -> float:
-        return 0.5 * self.diameter_m * self.oblateness ** (2.0 / 3.0)
+        return float(0.5 * self.diameter_m * self.oblateness ** (2.0 / 3.0))
 
     def shape(self) -> Array:
         """(3, 3) symmetric positive E: the surface is (x - c)' E (x - c) = 1."""

@@ -23,8 +23,8 @@ _CANOPY_GAPS = 0.75  # of the beam passes the plants above and behind that are n
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Sunlight:
-    """What the sun reaches, 0 to 1. ``leaves`` (n,); ``fruits`` (m, g, g) over -1..1 equatorial radii along ``up`` (rows)
-    and ``right`` (columns), which are square to the sun's rays, row frame."""
+    """What the sun reaches, 0 to 1. ``leaves`` (n,); ``fruits`` (m, g, g) over -1..1 equatorial radii along ``up``
+    (rows) and ``right`` (columns), which are square to the sun's rays, row frame."""
 
     right: Array
     up: Array

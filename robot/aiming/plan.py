@@ -23,7 +23,7 @@ from robot.aiming.urdf import ArmModel
 from robot.aiming.values import AimPlan, Unreachable, WhyUnreachable
 from robot.geometry import Vector
 
-_ANGLE_COST_S_PER_RAD = 0.5
+_ANGLE_COST_S_PER_RAD = 4.0
 _CAUGHT_COST_S = 4.0
 _SHORT_COST_S = 1.5
 _TIGHT_COST_S_PER_M = 20.0

@@ -4,17 +4,20 @@ from __future__ import annotations
 
 import asyncio
 import json
+import math
 import sys
+from contextlib import ExitStack
 from dataclasses import asdict
 from pathlib import Path
 from typing import Annotated, Any
 
 import typer
 
+from robot.atomic_file import atomic_file
 from robot.clock import run_virtual
 from robot.commands.live import LiveView
-from robot.config import Config, load_config
-from robot.errors import FileError, UsageError
+from robot.config import MAX_SEED, Config, load_config
+from robot.errors import UsageError
 from robot.events import Bus
 from robot.ledger import LedgerReader
 from robot.mission import State
@@ -23,7 +26,9 @@ from robot.runtime import RunOptions, RunResult, ledger_path, run_robot
 from robot.targets import TargetState
 
 ConfigOption = Annotated[Path, typer.Option("--config", help="Configuration file, or the name of one that came along.")]
-SeedOption = Annotated[int | None, typer.Option("--seed", min=0, help="Seed of the simulated greenhouse and machine.")]
+SeedOption = Annotated[
+    int | None, typer.Option("--seed", min=0, max=MAX_SEED, help="Seed of the simulated greenhouse and machine.")
+]
 SpeedOption = Annotated[
     float, typer.Option("--speed", min=0.0, help="Simulated seconds a second; 0 is as fast as the machine can.")
 ]
@@ -46,9 +51,11 @@ def run(
     if start and not settings.simulated:
         _confirm(settings)
     options = RunOptions(config_file(config), out or settings.robot.run_directory, start, resume, truth)
-    result = run_with_view(settings, options, speed)
-    if summary is not None:
-        write_json(summary, describe(result, options.folder))
+    with ExitStack() as stack:
+        file = None if summary is None else stack.enter_context(atomic_file(summary))  # refused before anything moves
+        result = run_with_view(settings, options, speed)
+        if file is not None:
+            file.write(json.dumps(describe(result, options.folder), indent=2).encode("utf-8") + b"\n")
     return 0 if result.state is State.DONE or not start or _stopped_by_signal(result) else 1
 
 
@@ -62,6 +69,8 @@ def load_with_seed(path: Path, seed: int | None) -> Config:
 
 def run_with_view(config: Config, options: RunOptions, speed: float) -> RunResult:
     """Run the robot with live progress on the terminal: simulated back ends in virtual time, others in real time."""
+    if math.isnan(speed):
+        raise UsageError("--speed nan: expected simulated seconds a second; give a number, or 0 for as fast as can be")
 
     async def life() -> RunResult:
         bus = Bus()
@@ -101,13 +110,6 @@ def describe(result: RunResult, folder: Path) -> dict[str, Any]:
         out["pending_ml"] = round(totals.pending_ml, 3)
         out["targets"] = {str(state): sum(target.state is state for target in targets) for state in TargetState}
     return out
-
-
-def write_json(path: Path, content: dict[str, Any]) -> None:
-    try:
-        path.write_text(json.dumps(content, indent=2) + "\n", encoding="utf-8")
-    except OSError as error:
-        raise FileError(f"{path}: cannot be written ({error.strerror}); choose another place") from error
 
 
 def _stopped_by_signal(result: RunResult) -> bool:

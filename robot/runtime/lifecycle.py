@@ -11,6 +11,7 @@ from datetime import UTC, datetime
 from pathlib import Path
 
 from drivers.errors import DeviceError
+from drivers.twin.machine import Twin
 from robot import safety
 from robot.actuation import Actuation
 from robot.calibration_file import load_rig
@@ -86,9 +87,13 @@ def frames_folder(folder: Path) -> Path:
     return folder / "frames"
 
 
-async def run_robot(config: Config, options: RunOptions, bus: Bus) -> RunResult:
+async def run_robot(
+    config: Config, options: RunOptions, bus: Bus, *, detector: Detector | None = None, twin: Twin | None = None
+) -> RunResult:
     """One life of the robot, from boot to shutdown. SIGINT and SIGTERM end it clean.
 
+    ``detector`` and ``twin`` (the simulated machine, which is closed at the end) stand in for those that the
+    configuration would have made.
     Raises ``SprayerError`` for what keeps it from coming up; a mission that was stopped is a result, not an error.
     """
     arm_model, urdf_text = load_arm(config, options.config_path)
@@ -103,7 +108,8 @@ async def run_robot(config: Config, options: RunOptions, bus: Bus) -> RunResult:
         dangling = ledger.book_dangling(datetime.now(UTC))
         if options.resume and options.truth is None:
             raise UsageError("a simulated run resumes from its truth file; give the former run's with --truth FILE")
-        twin = make_twin(config, row, rig, urdf_text, options.truth)
+        if twin is None:
+            twin = make_twin(config, row, rig, urdf_text, options.truth)
         stack.callback(twin.close_truth)
         devices = make_devices(twin, loop.time)
         if devices.camera.image_size != rig.image_size:
@@ -117,7 +123,7 @@ async def run_robot(config: Config, options: RunOptions, bus: Bus) -> RunResult:
             raise UnavailableError(str(error)) from error
         robot = _Robot(config, options, bus, ledger, devices, mission_settings(config, row, arm_model))
         task_id = robot.open_task(task(config, row)) if options.start else None
-        context = robot.context(task_id, make_detector(config.vision.detector), rig)
+        context = robot.context(task_id, detector or make_detector(config.vision.detector), rig)
         bus.publish(RunBegan(task_id, dangling, not options.start, len(row.stops)))
         state = await robot.live(context)
         safe = robot.actuation.state

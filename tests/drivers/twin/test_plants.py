@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections import Counter
 
 import numpy as np
@@ -38,7 +39,7 @@ def test_no_two_fruits_share_space(seed: int) -> None:
 def test_clustered_fruits_touch() -> None:
     fruits = grow(Scene(seed=2, cluster_share=1.0)).fruits
     gaps = []
-    for one, other in zip(fruits, fruits[1:], strict=False):
+    for one, other in itertools.pairwise(fruits):
         offset = one.centre_m - other.centre_m
         distance = float(np.linalg.norm(offset))
         gaps.append(distance - touching_distance(one.shape(), other.shape(), offset / distance))

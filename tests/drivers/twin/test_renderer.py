@@ -35,7 +35,7 @@ def linear(codes: npt.NDArray[np.uint8]) -> Array:
 
 
 def contour(one: TwinFruit, eye: Eye, row_from_left: Array, points: int = 120) -> Array:
-    """(n, 2) pixels of the contour, by OpenCV's projection of the points where the line of sight grazes the spheroid."""
+    """(n, 2) pixels of the contour, by OpenCV's projection of the points where lines of sight graze the spheroid."""
     eye_m = row_from_left[:3, :3] @ eye.centre_m + row_from_left[:3, 3]
     shape = one.shape()
     away = eye_m - one.centre_m
@@ -233,7 +233,8 @@ def test_touching_fruit_darken_each_other() -> None:
     lone = greenhouse(fruit((0.0, 0.6, 0.88), 0.08, 1.0))
     pair = greenhouse(fruit((0.0, 0.6, 0.88), 0.08, 1.0), fruit((0.08001, 0.6, 0.88), 0.08, 1.0, number=2))
     pictures = [
-        StereoRenderer(plants, ideal_optics(), 1).render(camera_at(0.03), SKY, noise=False)[0] for plants in (lone, pair)
+        StereoRenderer(plants, ideal_optics(), 1).render(camera_at(0.03), SKY, noise=False)[0]
+        for plants in (lone, pair)
     ]
     (view, *_) = StereoRenderer(lone, ideal_optics(), 1).truth(camera_at(0.03))
     u, v = (int(value) for value in view.left.centre_px)

@@ -104,14 +104,18 @@ def test_distorted_lenses_and_a_turned_right_camera_cost_no_accuracy(detector: F
 def test_the_outlines_it_gives_lie_on_the_fruit_in_the_stored_images(
     found_at_noon: list[tuple[Fruit, ...]], noon: list[View]
 ) -> None:
-    for fruits, view in zip(found_at_noon, noon, strict=True):
-        for fruit in fruits:
-            for circle, project in ((fruit.left, view.rig.project_left), (fruit.right, view.rig.project_right)):
-                u, v = project(fruit.centre_m)[0]
-                assert np.hypot(circle.u_px - u, circle.v_px - v) < 0.1 * circle.r_px
-                assert circle.r_px == pytest.approx(
-                    457 * 0.5 * fruit.diameter_m / np.linalg.norm(fruit.centre_m), rel=0.25
-                )
+    K = noon[0].rig.K_left
+    for fruit in itertools.chain.from_iterable(found_at_noon):
+        for circle, project, eye_m in (
+            (fruit.left, noon[0].rig.project_left, np.zeros(3)),
+            (fruit.right, noon[0].rig.project_right, np.array([0.06, 0.0, 0.0])),
+        ):
+            u, v = project(fruit.centre_m)[0]
+            assert np.hypot(circle.u_px - u, circle.v_px - v) < 0.1 * circle.r_px
+            to_centre = fruit.centre_m - eye_m
+            distance_m = np.linalg.norm(to_centre)
+            stretch = (to_centre[2] / distance_m) ** -1.5  # a small cone's ellipse: 1/cos^2 by 1/cos
+            assert circle.r_px == pytest.approx(K[0, 0] * 0.5 * fruit.diameter_m / distance_m * stretch, rel=0.05)
 
 
 def test_every_number_is_finite_and_every_covariance_positive(found_at_noon: list[tuple[Fruit, ...]]) -> None:

@@ -1,0 +1,118 @@
+"""Prints one line a figure: what was measured, how often, the median and the worst."""
+
+from __future__ import annotations
+
+import resource
+import statistics
+import sys
+import tempfile
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import cv2
+import numpy as np
+
+from drivers.twin.machine import Twin
+from drivers.twin.scene import Scene
+from robot.aiming import plan
+from robot.calibration_file import load_rig
+from robot.clock import run_virtual
+from robot.config import Config, load_config
+from robot.events import Bus
+from robot.ledger import Ledger
+from robot.package_files import packaged
+from robot.runtime import RunOptions, RunResult, run_robot
+from robot.runtime.devices import nominal_machine
+from robot.runtime.settings import load_arm, load_row, mission_settings
+from robot.vision.make import make_detector
+
+DEMO = packaged("configs") / "demo.toml"
+
+
+def measure(name: str, repeats: int, step: Callable[[], object], goal: str = "") -> None:
+    """Thread CPU time of each repeat, milliseconds, after one unmeasured call."""
+    step()
+    times_ms = []
+    for _ in range(repeats):
+        began = time.thread_time()
+        step()
+        times_ms.append(1e3 * (time.thread_time() - began))
+    _line(name, f"median {statistics.median(times_ms):8.2f} ms   worst {max(times_ms):8.2f} ms   n {repeats}", goal)
+
+
+def _line(name: str, figures: str, goal: str = "") -> None:
+    sys.stdout.write(f"{name:<46}{figures}{'   goal ' + goal if goal else ''}\n")
+
+
+def vision_and_twin(config: Config) -> None:
+    rig = load_rig(packaged("configs") / config.camera.calibration)
+    _, urdf = load_arm(config, DEMO)
+    twin = Twin(nominal_machine(config, rig, urdf), Scene(seed=1), 1)
+    frames = iter(range(10**6))
+
+    def expose() -> tuple[np.ndarray, np.ndarray]:
+        number = next(frames)
+        return twin.expose(number / 15.0, 0.004, 1.0, number)
+
+    measure("twin: one 640x480 stereo pair, rover at rest", 30, expose, "<= 30 ms")
+    left, right = expose()
+    for name in ("paper", "fruit"):
+        detector = make_detector(name)  # type: ignore[arg-type]
+        measure(f"vision: detector {name}, 640x480 pair", 10, lambda d=detector: d.detect(left, right, rig))
+
+
+def aiming(config: Config) -> None:
+    arm, _ = load_arm(config, DEMO)
+    settings = mission_settings(config, load_row(config, DEMO), arm)
+    dice = np.random.default_rng(1)
+    stowed = np.array(settings.stow_rad)
+
+    def aim() -> object:
+        centre = settings.base_from_arm.inverse().apply(dice.uniform([-0.2, 0.45, 0.6], [0.2, 0.75, 1.1]))
+        return plan(centre, 0.07, stowed, arm, settings.aiming, settings.rover_body)
+
+    measure("aiming: plan one fruit from the stowed arm", 50, aim, "<= 60 ms")
+
+
+def ledger() -> None:
+    from tests.robot.ledger.rows import INTENT, started, target
+
+    with tempfile.TemporaryDirectory() as folder:
+        book, task_id = started(Path(folder) / "ledger.sqlite")
+        book.upsert_targets(task_id, [target(INTENT.target_id)])
+        measure("ledger: one durable intent", 200, lambda: book.write_intent(task_id, INTENT))
+        assert isinstance(book, Ledger)
+        book.close()
+
+
+def mission(config: Config) -> None:
+    with tempfile.TemporaryDirectory() as folder:
+        began, cpu = time.monotonic(), time.process_time()
+
+        async def life() -> RunResult:
+            options = RunOptions(DEMO, Path(folder), start=True, resume=False, truth=Path(folder) / "truth.jsonl")
+            return await run_robot(config, options, Bus())
+
+        result = run_virtual(life())
+        wall_s, cpu_s = time.monotonic() - began, time.process_time() - cpu
+    _line(
+        "mission: the demo row in virtual time",
+        f"{result.duration_s:.0f} s simulated in {wall_s:.1f} s ({cpu_s:.1f} s CPU): "
+        f"{result.duration_s / wall_s:.0f} times real time",
+        ">= 20",
+    )
+
+
+def main() -> None:
+    cv2.setNumThreads(1)
+    config = load_config(DEMO)
+    vision_and_twin(config)
+    aiming(config)
+    ledger()
+    mission(config)
+    _line("memory: peak resident set of this process", f"{resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024:.0f} MiB")
+
+
+if __name__ == "__main__":
+    main()
