@@ -141,7 +141,7 @@ class TargetsSection(_Section):
     """Which fruits are treated, and when two sightings are one fruit."""
 
     ripeness: tuple[Literal["red", "turning", "green"], ...] = ("red", "turning", "green")
-    min_confidence: Fraction = 0.5
+    min_confidence: Fraction = 0.7
     min_visible: Fraction = 0.4
     min_diameter_m: Annotated[float, _between(0.01, 0.3)] = 0.035
     max_diameter_m: Annotated[float, _between(0.01, 0.3)] = 0.17
@@ -219,7 +219,7 @@ class NavigationSection(_Section):
     route: str
     row: str | None = None
     landmarks: bool = True
-    ahead_m: Annotated[float, _between(0.0, 2.0)] = 0.25
+    ahead_m: Annotated[float, _between(0.0, 2.0)] = 0.6
     cruise_speed_m_s: Annotated[float, _between(0.01, 1.0)] = 0.25
     datum_latitude_deg: Annotated[float, _between(-90.0, 90.0)] | None = None
     datum_longitude_deg: Annotated[float, _between(-180.0, 180.0)] | None = None

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import shutil
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Annotated
 
@@ -16,6 +18,7 @@ from robot.commands.run import ConfigOption, SeedOption, SpeedOption, load_with_
 from robot.config import Config
 from robot.errors import FileError, UsageError
 from robot.ledger import LedgerReader
+from robot.ledger.lock import LedgerLock
 from robot.mission import State
 from robot.package_files import config_file
 from robot.report import judge, read_evidence
@@ -61,11 +64,39 @@ def reach_of(config: Config, path: Path, truth: TruthRecord) -> frozenset[int]:
 
 
 def clear_former_demo(out: Path) -> None:
-    """Remove what a former demo wrote there, and nothing else."""
+    """Remove what a former simulated run wrote there, and nothing else.
+
+    ``BusyError`` while a robot uses the ledger there, ``FileError`` when it holds tasks of real hardware.
+    """
+    ledger = ledger_path(out)
     try:
-        for name in ("ledger.sqlite", "ledger.sqlite-wal", "ledger.sqlite-shm", "truth.jsonl", "report.html"):
-            (out / name).unlink(missing_ok=True)
-        shutil.rmtree(frames_folder(out), ignore_errors=True)
         out.mkdir(parents=True, exist_ok=True)
+        with locked(ledger):
+            if ledger.exists():
+                refuse_records(ledger)
+            for name in (ledger.name, f"{ledger.name}-wal", f"{ledger.name}-shm", "truth.jsonl", "report.html"):
+                (out / name).unlink(missing_ok=True)
+            if frames_folder(out).exists():
+                shutil.rmtree(frames_folder(out))
     except OSError as error:
         raise FileError(f"{out}: cannot be prepared ({error.strerror}); choose another folder with --out") from error
+
+
+@contextmanager
+def locked(ledger: Path) -> Iterator[None]:
+    """Nobody else uses the ledger meanwhile."""
+    lock = LedgerLock(ledger)
+    try:
+        yield
+    finally:
+        lock.release()
+
+
+def refuse_records(ledger: Path) -> None:
+    """What real hardware sprayed must be kept: only a simulated task has a seed."""
+    with LedgerReader.open_read_only(ledger) as reader:
+        real = [row.task_id for row in reader.tasks() if reader.task(row.task_id).seed is None]
+    if real:
+        raise FileError(
+            f"{ledger}: holds the records of real spraying (task {real[0]}); choose another folder with --out"
+        )

@@ -31,7 +31,7 @@ from drivers.twin.scene import Scene
 from drivers.wheels.interface import Wheels
 from drivers.wheels.mock import MockWheels
 from robot.config import Config
-from robot.errors import BusyError, FileError
+from robot.errors import BusyError, ConfigError, FileError
 from robot.navigation import Row
 from robot.runtime.settings import mounts
 from robot.vision.stereo_rig import StereoRig
@@ -114,17 +114,11 @@ def nominal_machine(config: Config, rig: StereoRig, urdf_text: str) -> Nominal:
 def make_twin(config: Config, row: Row, rig: StereoRig, urdf_text: str, truth: Path | None) -> Twin:
     """The simulated machine behind mock back ends: a new one, or the one that an existing truth file tells of."""
     seed = config.twin.seed
-    nominal = nominal_machine(config, rig, urdf_text)
-    scene = Scene(
-        seed=seed,
-        hour=config.twin.hour,
-        weather=config.twin.weather,
-        row_length_m=row.length_m,
-        side=row.side,
-        plant_spacing_m=config.plants.spacing_m,
-        stem_distance_m=config.plants.stem_distance_m,
-        fruits_per_plant=config.twin.fruits_per_plant,
-    )
+    try:
+        nominal = nominal_machine(config, rig, urdf_text)
+        scene = _scene(config, row)
+    except ValueError as error:
+        raise ConfigError(f"the simulated machine cannot be built: {error}") from error
     if truth is None:
         return Twin(nominal, scene, seed)
     try:
@@ -135,6 +129,19 @@ def make_twin(config: Config, row: Row, rig: StereoRig, urdf_text: str, truth: P
         raise FileError(f"{truth}: cannot be used ({error.strerror}); choose another truth file") from error
     except ValueError as error:
         raise FileError(str(error)) from error
+
+
+def _scene(config: Config, row: Row) -> Scene:
+    return Scene(
+        seed=config.twin.seed,
+        hour=config.twin.hour,
+        weather=config.twin.weather,
+        row_length_m=row.length_m,
+        side=row.side,
+        plant_spacing_m=config.plants.spacing_m,
+        stem_distance_m=config.plants.stem_distance_m,
+        fruits_per_plant=config.twin.fruits_per_plant,
+    )
 
 
 def make_devices(twin: Twin, clock: Callable[[], float]) -> Devices:

@@ -14,7 +14,6 @@ from drivers.errors import DeviceError
 from drivers.twin.machine import Twin
 from robot import safety
 from robot.actuation import Actuation
-from robot.calibration_file import load_rig
 from robot.config import Config
 from robot.errors import ConfigError, FileError, UnavailableError, UsageError
 from robot.events import Bus
@@ -22,10 +21,11 @@ from robot.geometry import Pose2
 from robot.ledger import Ledger
 from robot.ledger.values import Checkpoint, Dangling, Task
 from robot.mission import Localiser, Mission, MissionContext, MissionSettings, Progress, State, Trouble
-from robot.package_files import named_file
 from robot.runtime.devices import Devices, make_devices, make_twin
+from robot.runtime.mode_log import ModeLog
 from robot.runtime.recorder import FrameRecorder
-from robot.runtime.settings import hand_settings, limits, load_arm, load_row, mission_settings, task
+from robot.runtime.resuming import check_resumable, given_by_target_ml, task_to_resume
+from robot.runtime.settings import hand_settings, limits, load_arm, load_camera, load_row, mission_settings, task
 from robot.safety.failsafe import Action, action_for
 from robot.supervision import Supervisor
 from robot.targets import book_of
@@ -98,32 +98,38 @@ async def run_robot(
     """
     arm_model, urdf_text = load_arm(config, options.config_path)
     row = load_row(config, options.config_path)
-    rig = load_rig(named_file(config.camera.calibration, options.config_path))
+    rig = load_camera(config, options.config_path)
+    todays_task = task(config, row)
+    if options.resume:
+        if config.simulated and twin is None and options.truth is None:
+            raise UsageError("a simulated run resumes from its truth file; give the former run's with --truth FILE")
+        check_resumable(ledger_path(options.folder))
     loop = asyncio.get_running_loop()
     began_s = loop.time()
     async with AsyncExitStack() as stack:
         _make_folder(options.folder)
         ledger = stack.enter_context(Ledger.open(ledger_path(options.folder)))
-        ledger.begin_run(uuid.uuid4().hex, datetime.now(UTC))
-        dangling = ledger.book_dangling(datetime.now(UTC))
-        if options.resume and options.truth is None:
-            raise UsageError("a simulated run resumes from its truth file; give the former run's with --truth FILE")
+        if options.resume:
+            task_to_resume(ledger, todays_task)
         if twin is None:
             twin = make_twin(config, row, rig, urdf_text, options.truth)
         stack.callback(twin.close_truth)
         devices = make_devices(twin, loop.time)
         if devices.camera.image_size != rig.image_size:
             raise ConfigError(
-                f"{options.config_path}: the camera gives {devices.camera.image_size}, the calibration is for "
-                f"{rig.image_size}; calibrate at the size that is used"
+                f"{options.config_path}: the camera gives {devices.camera.image_size}, camera.image_size_px says "
+                f"{rig.image_size}; correct it and calibrate at the size that is used"
             )
         try:
             await devices.open(stack, lambda text: bus.publish(Trouble(text, loop.time())))
         except DeviceError as error:
             raise UnavailableError(str(error)) from error
+        detector = detector or make_detector(config.vision.detector)
+        ledger.begin_run(uuid.uuid4().hex, datetime.now(UTC))
+        dangling = ledger.book_dangling(datetime.now(UTC))
         robot = _Robot(config, options, bus, ledger, devices, mission_settings(config, row, arm_model))
-        task_id = robot.open_task(task(config, row)) if options.start else None
-        context = robot.context(task_id, detector or make_detector(config.vision.detector), rig)
+        task_id = robot.open_task(todays_task) if options.start else None
+        context = robot.context(task_id, detector, rig)
         bus.publish(RunBegan(task_id, dangling, not options.start, len(row.stops)))
         state = await robot.live(context)
         safe = robot.actuation.state
@@ -147,6 +153,7 @@ class _Robot:
         self._settings = settings
         self._lamp = config.camera.lamp == "on"
         self._mission: Mission | None = None
+        self._modes = ModeLog(ledger)
         self._progress = Progress()
         self._checkpoint: Checkpoint | None = None
         self._signalled = asyncio.Event()
@@ -163,28 +170,13 @@ class _Robot:
             task_id = self._ledger.begin_task(task)
             self.actuation.begin_task(task_id, task.tank_fill_ml, 0.0, {})
             return task_id
-        task_id = self._task_to_resume(task)
+        task_id = task_to_resume(self._ledger, task)
         self._checkpoint = self._ledger.last_checkpoint(task_id)
         self._progress.book = book_of(self._ledger.targets(task_id))
         self._progress.stop = max(0, self._checkpoint.stop - 1) if self._checkpoint else 0
-        given_ml: dict[int, float] = {}
-        for shot in self._ledger.shots(task_id):
-            booked_ml = shot.result.booked_ml if shot.result else shot.intent.full_ml
-            given_ml[shot.intent.target_id] = given_ml.get(shot.intent.target_id, 0.0) + booked_ml
+        given_ml = given_by_target_ml(self._ledger, task_id)
         total_ml = sum(given_ml.values())
         self.actuation.begin_task(task_id, task.tank_fill_ml - total_ml, total_ml, given_ml)
-        return task_id
-
-    def _task_to_resume(self, task: Task) -> int:
-        task_id = self._ledger.latest_task()
-        if task_id is None:
-            raise UsageError(f"{self._ledger.path}: holds no task to resume; start without --resume")
-        before = self._ledger.task(task_id)
-        if before.config_hash != task.config_hash:
-            raise ConfigError(
-                f"{self._ledger.path}: task {task_id} was begun with another configuration "
-                f"({before.config_hash}, now {task.config_hash}); restore it, or start without --resume"
-            )
         return task_id
 
     def context(self, task_id: int | None, detector: Detector, rig: StereoRig) -> MissionContext | None:
@@ -202,17 +194,22 @@ class _Robot:
             loop.add_signal_handler(number, self._on_signal, number.name)
         recorder = FrameRecorder(self._bus, frames_folder(self._options.folder))
         state = State.IDLE
-        async with asyncio.TaskGroup() as group:
-            supervisor = Supervisor(group, lambda name, text: self._on_fault(group, name, text))
-            keeping = group.create_task(recorder.run(), name="frame recorder")
-            try:
-                self._supervise(supervisor)
-                await self._first_readings()
-                state = await self._work(group, context)
-            finally:
-                await self._let_go()
-                supervisor.stop()
-                keeping.cancel()
+        try:
+            async with asyncio.TaskGroup() as group:
+                supervisor = Supervisor(group, lambda name, text: self._on_fault(group, name, text))
+                keeping = group.create_task(recorder.run(), name="frame recorder")
+                logging = group.create_task(self._modes.run(), name="mode log")
+                try:
+                    self._supervise(supervisor)
+                    await self._first_readings()
+                    state = await self._work(group, context)
+                finally:
+                    await self._let_go()
+                    supervisor.stop()
+                    keeping.cancel()
+                    logging.cancel()
+        finally:
+            self._modes.write_rest()
         recorder.write_rest()
         return state
 
@@ -298,7 +295,7 @@ class _Robot:
     def _mode_changed(self, state: safety.SafetyState) -> None:
         loop = asyncio.get_running_loop()
         self._bus.publish(ModeChanged(state.mode, state.causes, loop.time()))
-        self._ledger.record_event("mode", f"{state.mode} {'; '.join(state.causes)}".strip(), loop.time())
+        self._modes.put(f"{state.mode} {'; '.join(state.causes)}".strip(), loop.time())
         if self._mission is not None:
             self._mission.mode_changed(state)
 

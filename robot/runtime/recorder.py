@@ -7,6 +7,7 @@ from pathlib import Path
 import cv2
 
 from robot.annotate import draw_fruits
+from robot.atomic_file import atomic_file
 from robot.clock import work
 from robot.errors import FileError
 from robot.events import Bus
@@ -33,10 +34,14 @@ class FrameRecorder:
             self._write(seen)
 
     def _write(self, seen: FrameSeen) -> None:
-        self._folder.mkdir(parents=True, exist_ok=True)
         path = self._folder / frame_file(seen.stop)
         picture = draw_fruits(seen.frame.left, seen.fruits, seen.target_ids)
         done, data = cv2.imencode(".jpg", picture, [cv2.IMWRITE_JPEG_QUALITY, 88])
         if not done:
             raise FileError(f"{path}: the frame cannot be encoded as JPEG; check the OpenCV installation")
-        path.write_bytes(data.tobytes())
+        try:
+            self._folder.mkdir(parents=True, exist_ok=True)
+            with atomic_file(path) as stream:
+                stream.write(data.tobytes())
+        except OSError as error:
+            raise FileError(f"{self._folder}: cannot be created ({error.strerror}); check place and space") from error

@@ -9,6 +9,7 @@ from pathlib import Path
 from robot import safety
 from robot.actuation import HandSettings
 from robot.aiming import AimingParameters, ArmModel, RoverBody, parse_urdf
+from robot.calibration_file import load_rig
 from robot.config import Config
 from robot.dosing import Caps, DoseLaw, FlowModel, LawKind, PulseLimits
 from robot.errors import ConfigError
@@ -18,13 +19,19 @@ from robot.mission import DoseSettings, MissionSettings
 from robot.navigation import Datum, DriveLimits, FixRules, Row, parse_route
 from robot.package_files import named_file
 from robot.targets import BookParameters, Policy
+from robot.vision.stereo_rig import StereoRig
 from robot.vision.values import Ripeness
 
 
 def load_arm(config: Config, config_path: Path) -> tuple[ArmModel, str]:
     """The arm's model and its URDF text; ``ConfigError`` when they do not fit the configuration."""
     path = named_file(config.arm.urdf, config_path)
-    text = path.read_text(encoding="utf-8")
+    try:
+        text = path.read_text(encoding="utf-8")
+    except OSError as error:
+        raise ConfigError(f"{path}: the arm's URDF cannot be read ({error.strerror}); check arm.urdf") from error
+    except UnicodeDecodeError as error:
+        raise ConfigError(f"{path}: expected a URDF (XML) in UTF-8, found {error}; mend the file") from error
     model = parse_urdf(text, str(path))
     if len(config.arm.stow_rad) != len(model.joints):
         raise ConfigError(
@@ -41,13 +48,30 @@ def load_arm(config: Config, config_path: Path) -> tuple[ArmModel, str]:
     return model, text
 
 
+def load_camera(config: Config, config_path: Path) -> StereoRig:
+    """The camera's calibration; ``ConfigError`` when it was made at another image size."""
+    path = named_file(config.camera.calibration, config_path)
+    rig = load_rig(path)
+    if rig.image_size != config.camera.image_size_px:
+        (width, height), (wide, high) = rig.image_size, config.camera.image_size_px
+        raise ConfigError(
+            f"{path}: the calibration is for {width}x{height} pixels, the camera gives {wide}x{high} "
+            "(camera.image_size_px); calibrate at the size that is used"
+        )
+    return rig
+
+
 def load_row(config: Config, config_path: Path) -> Row:
     """The row to treat: the one that the configuration names, else the route's first."""
     path = named_file(config.navigation.route, config_path)
     try:
         with path.open("rb") as stream:
             route = parse_route(tomllib.load(stream))
-    except (tomllib.TOMLDecodeError, ValueError) as error:
+    except OSError as error:
+        raise ConfigError(f"{path}: the route cannot be read ({error.strerror}); check navigation.route") from error
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        raise ConfigError(f"{path}: not valid TOML ({error}); mend that line") from error
+    except ValueError as error:
         raise ConfigError(f"{path}: {error}") from error
     rows = {row.name: row for row in route.rows}
     wanted = config.navigation.row or route.rows[0].name

@@ -67,29 +67,38 @@ def _evidence(skin: Plane, chroma: Plane, light: Plane) -> Plane:
     pad = int(np.ceil(OCTAVE_RADII_PX[-1])) + 2
     height, width = skin.shape
     skin, chroma, light = (_continued(plane, pad) for plane in (skin, chroma, light))
-    skin_x, skin_y = _gradient(skin)
     light_x, light_y = _saturated(*_gradient(light), 0.15)
     chroma_x, chroma_y = _saturated(*_gradient(chroma), 0.05)
     double_cos = LIGHT_WEIGHT * (light_x**2 - light_y**2) + CHROMA_WEIGHT * (chroma_x**2 - chroma_y**2)
     double_sin = 2 * LIGHT_WEIGHT * light_x * light_y + 2 * CHROMA_WEIGHT * chroma_x * chroma_y
     rows = scipy.fft.next_fast_len(skin.shape[0] + pad, real=True)
     columns = scipy.fft.next_fast_len(skin.shape[1] + pad, real=True)
-    maps = np.stack([SKIN_WEIGHT * skin_x, SKIN_WEIGHT * skin_y, double_cos, double_sin, FILL_WEIGHT * (2 * skin - 1)])
-    spectra = scipy.fft.rfft2(maps, (rows, columns), axes=(1, 2))
+    spectra = scipy.fft.rfft2(np.stack([skin - np.float32(0.5), double_cos, double_sin]), (rows, columns), axes=(1, 2))
     out = np.empty((len(OCTAVE_RADII_PX), height, width), dtype=np.float32)
     for k, kernel in enumerate(_kernel_spectra(rows, columns)):
-        whole = scipy.fft.irfft2((spectra * kernel).sum(axis=0), (rows, columns))
+        product = spectra[0] * kernel[0]
+        product += spectra[1] * kernel[1]
+        product += spectra[2] * kernel[2]
+        whole = scipy.fft.irfft2(product, (rows, columns))
         out[k] = whole[pad : pad + height, pad : pad + width]
     return out
 
 
-@lru_cache(maxsize=64)
+@lru_cache(maxsize=16)
 def _kernel_spectra(rows: int, columns: int) -> tuple[npt.NDArray[np.complex64], ...]:
-    """For each radius the conjugate spectra (5, rows, columns // 2 + 1) of the ring kernels, to correlate with."""
+    """For each radius the spectra (3, rows, columns // 2 + 1) to multiply those of skin and of the two maps with.
+
+    Skin counts by its gradient towards the middle of the ring and by how it fills the disc: one kernel for both.
+    """
     y = np.fft.fftfreq(rows, 1 / rows)[:, None]
     x = np.fft.fftfreq(columns, 1 / columns)[None, :]
     distance = np.hypot(x, y)
     angle = np.arctan2(y, x)
+    scharr = np.zeros((2, rows, columns))
+    for offset, weight in ((-1, 3 / 32), (0, 10 / 32), (1, 3 / 32)):
+        scharr[0, offset, 1], scharr[0, offset, -1] = weight, -weight
+        scharr[1, 1, offset], scharr[1, -1, offset] = weight, -weight
+    slope = scipy.fft.rfft2(scharr, axes=(1, 2))
     out = []
     for radius in OCTAVE_RADII_PX:
         ring = np.exp(-0.5 * ((distance - radius) / 0.75) ** 2)
@@ -97,16 +106,10 @@ def _kernel_spectra(rows: int, columns: int) -> tuple[npt.NDArray[np.complex64],
         ring /= ring.sum()
         disc /= disc.sum()
         gain = 3.0  # a full step of skin over about three pixels of gradient support counts one
-        kernels = np.stack(
-            [
-                -gain * ring * np.cos(angle),
-                -gain * ring * np.sin(angle),
-                ring * np.cos(2 * angle),
-                ring * np.sin(2 * angle),
-                disc,
-            ]
-        )
-        out.append(np.conj(scipy.fft.rfft2(kernels, axes=(1, 2))).astype(np.complex64))
+        inward = scipy.fft.rfft2(-gain * ring * np.stack([np.cos(angle), np.sin(angle)]), axes=(1, 2))
+        skin = SKIN_WEIGHT * (inward * slope).sum(axis=0) + 2 * FILL_WEIGHT * scipy.fft.rfft2(disc)
+        double = scipy.fft.rfft2(ring * np.stack([np.cos(2 * angle), np.sin(2 * angle)]), axes=(1, 2))
+        out.append(np.conj(np.concatenate([skin[None], double])).astype(np.complex64))
     return tuple(out)
 
 

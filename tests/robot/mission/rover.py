@@ -7,12 +7,13 @@ import tomllib
 from collections.abc import Awaitable, Callable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field
-from functools import cache
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from drivers.twin.aftermath import resume_from
-from drivers.twin.commands import WorldCommand
+from drivers.twin.commands import Command
 from drivers.twin.faults import FaultPlan, parse_fault
 from drivers.twin.machine import Twin
 from drivers.twin.optics import StereoOptics
@@ -51,8 +52,12 @@ class World:
     def __post_init__(self) -> None:
         self.entered = self.bus.subscribe(StateEntered)
 
-    def suffer(self, command: WorldCommand) -> None:
-        self.twin.apply(asyncio.get_running_loop().time(), command)
+    @property
+    def now_s(self) -> float:
+        return asyncio.get_running_loop().time()
+
+    def suffer(self, command: Command) -> None:
+        self.twin.apply(self.now_s, command)
 
     async def until(self, state: State, count: int = 1) -> StateEntered:
         """The ``count``-th entry of ``state`` from now on."""
@@ -65,10 +70,43 @@ class World:
     async def until_valve_opens(self) -> None:
         while not self.twin.valve_open:
             await asyncio.sleep(0.002)
-            self.twin.advance(asyncio.get_running_loop().time())
+            self.twin.advance(self.now_s)
 
 
 Meddler = Callable[[World], Awaitable[None]]
+
+
+@dataclass(frozen=True, eq=False)
+class Shaken:
+    """What the nozzle did while the valve was open, in the twin's truth."""
+
+    joints_rad: float
+    nozzle_m: float
+
+
+class Witness:
+    """Looks at the arm whenever the true valve moves. Stands between the twin and its truth file."""
+
+    def __init__(self, twin: Twin) -> None:
+        self._twin, self._log = twin, twin.truth
+        self.shaken: list[Shaken] = []
+        self._joints, self._nozzle_m = twin.joints_rad, twin.nozzle_pose[:3, 3]
+
+    @property
+    def keeps(self) -> bool:
+        return self._log.keeps
+
+    def append(self, line: Mapping[str, Any]) -> None:
+        if line.get("what") in ("valve_opened", "valve_closed"):
+            joints, nozzle_m = self._twin.joints_rad, self._twin.nozzle_pose[:3, 3]
+            if line["what"] == "valve_closed":
+                turned = float(np.abs(joints - self._joints).max())
+                self.shaken.append(Shaken(turned, float(np.linalg.norm(nozzle_m - self._nozzle_m))))
+            self._joints, self._nozzle_m = joints, nozzle_m
+        self._log.append(line)
+
+    def close(self) -> None:
+        self._log.close()
 
 
 @dataclass(frozen=True, eq=False)
@@ -89,6 +127,17 @@ class Run:
     dangling: int
     truth: TruthRecord
     twin: Twin
+    shaken: list[Shaken]
+
+    def spans(self, state: State) -> list[tuple[float, float]]:
+        """When the mission was in ``state``, from and to."""
+        ends = [*(entered.stamp_s for entered in self.states[1:]), self.last_s]
+        return [(e.stamp_s, end) for e, end in zip(self.states, ends, strict=True) if e.state is state and end > e.stamp_s]
+
+    def run_on(self, seconds: float = 40.0) -> Twin:
+        """The machine after the program has gone: every timer runs out."""
+        self.twin.advance(self.twin.now_s + seconds)
+        return self.twin
 
     @property
     def said(self) -> str:
@@ -131,6 +180,8 @@ def spray_row(
     config = configuration(folder, stops_m, length_m, side, changes)
     options = RunOptions(DEMO, folder / "run", start, resume, folder / "truth.jsonl")
     twin = simulated(config, options, faults)
+    witness = Witness(twin)
+    twin.truth = witness  # type: ignore[assignment]
     oracle = Oracle(twin.renderer, twin.greenhouse.fruits)  # type: ignore[arg-type]
     bus = Bus()
     heard = bus.subscribe(StateEntered, Trouble, FrameSeen, TargetSkipped)
@@ -159,6 +210,7 @@ def spray_row(
             [item for item in told if isinstance(item, TargetSkipped)],
             read_evidence(ledger), ledger.targets(task_id), ledger.shots(task_id), ledger.totals(task_id),
             ledger.events(), len(ledger.dangling()), read_truth(folder / "truth.jsonl"), twin,
+            witness.shaken,
         )  # fmt: skip
 
 
