@@ -19,6 +19,8 @@ from robot.vision.fruit.planes import Plane, Planes
 
 Array = npt.NDArray[np.float64]
 OCTAVE_RADII_PX = (4.6, 5.5, 6.5, 7.7)
+GRID = 64.0
+"""Circles are rounded to this part of a pixel: the last bits of a Fourier transform depend on where memory lies."""
 SKIN_WEIGHT, LIGHT_WEIGHT, CHROMA_WEIGHT, FILL_WEIGHT = 0.3, 1.0, 0.5, 0.1
 
 
@@ -123,7 +125,7 @@ def _gradient(plane: Plane) -> tuple[Plane, Plane]:
 
 def _saturated(x: Plane, y: Plane, knee: float) -> tuple[Plane, Plane]:
     """The same directions with lengths size / (size + knee), below 1."""
-    size = cv2.magnitude(x, y) + knee
+    size = np.sqrt(x * x + y * y) + np.float32(knee)  # cv2.magnitude differs from run to run in the last bits
     return x / size, y / size
 
 
@@ -161,4 +163,5 @@ def _thin(found: Array, limit: int) -> Candidates:
         near = np.hypot(others[:, 0] - u, others[:, 1] - v) < 0.3 * np.minimum(others[:, 2], r)
         if not (near & (np.abs(np.log(others[:, 2] / r)) < 0.25)).any():
             kept.append(k)
-    return Candidates(found[kept, :3], found[kept, 3])
+    circles = np.round(found[kept, :3] * GRID) / GRID
+    return Candidates(circles, np.round(found[kept, 3], 4))

@@ -76,4 +76,5 @@ def _spread(plane: Plane, side: int) -> Plane:
 
 
 def _gradient_size(plane: Plane) -> Plane:
-    return np.asarray(cv2.magnitude(cv2.Scharr(plane, cv2.CV_32F, 1, 0), cv2.Scharr(plane, cv2.CV_32F, 0, 1)) / 32)
+    x, y = cv2.Scharr(plane, cv2.CV_32F, 1, 0), cv2.Scharr(plane, cv2.CV_32F, 0, 1)
+    return np.asarray(np.sqrt(x * x + y * y) / 32, dtype=np.float32)  # cv2.magnitude differs from run to run
