@@ -142,6 +142,7 @@ class TargetsSection(_Section):
 
     ripeness: tuple[Literal["red", "turning", "green"], ...] = ("red", "turning", "green")
     min_confidence: Fraction = 0.7
+    sure_confidence: Fraction = 0.95
     min_visible: Fraction = 0.4
     min_diameter_m: Annotated[float, _between(0.01, 0.3)] = 0.035
     max_diameter_m: Annotated[float, _between(0.01, 0.3)] = 0.17

@@ -20,6 +20,10 @@ class FlowAccount:
         """Start at the meter's present count."""
         self._accounted_to_ml = total_ml
 
+    def leaked_ml(self, total_ml: float) -> float:
+        """What passed the meter since the last take: nothing, as long as the valve is shut and tight."""
+        return 0.0 if self._accounted_to_ml is None else max(0.0, total_ml - self._accounted_to_ml)
+
     def take(self, total_ml: float | None) -> tuple[float | None, float | None]:
         """(measured ml, ml to book) since the last take; (None, None) without a count, or when it was reset."""
         if total_ml is None:
@@ -50,5 +54,5 @@ def outcome_of(
         return Result(Outcome.SHORTENED, upper_ml, open_s, measured_ml, "shortened by a stop", now_s)
     if measured_ml < PLAUSIBLE_FLOW * order.model_ml - settings.meter_ml_per_pulse:
         reason = f"flow meter saw {measured_ml:.2f} of {order.model_ml:.2f} ml: check nozzle, filter and meter"
-        return Result(Outcome.SPRAYED, max(order.full_ml, upper_ml), open_s, measured_ml, reason, now_s)
+        return Result(Outcome.UNCERTAIN, max(order.full_ml, upper_ml), open_s, measured_ml, reason, now_s)
     return Result(Outcome.SPRAYED, upper_ml, open_s, measured_ml, "", now_s)

@@ -101,6 +101,7 @@ class Actuation:
             await self.emergency_stop("the e-stop was pressed")
         if reading.bumper_pressed and self._gate.armed:
             await self.stop("the bumper was pressed")
+        await self._liquid.look_for_leak()
 
     async def poll_odometry(self) -> None:
         self._readings.odometry = await self._wheels.odometry()

@@ -21,6 +21,7 @@ from robot.ledger import Ledger
 from robot.ledger.values import Intent, Outcome, Result
 
 METER_SETTLE_S = 0.15  # after the valve is shut, until the flow meter has counted its last pulse
+LEAK_ML = 0.4          # past a valve that is shut: more than the meter's last pulse of a shot and its noise
 
 Stop = Callable[[str], Awaitable[tuple[PartStopped, ...]]]
 
@@ -59,6 +60,18 @@ class Liquid:
         """Shut the valve of a shot under way at once, and renew the pump no more."""
         self._cut.set()
         self._pump_wanted = False
+
+    async def look_for_leak(self) -> None:
+        """Stop the machine, and with it the pump, when the newest reading shows flow past the shut valve."""
+        sensors = self._readings.sensors
+        if self.shot_under_way or sensors is None or not self._gate.armed:
+            return
+        leaked_ml = self._account.leaked_ml(sensors.flow_total_ml)
+        if leaked_ml > LEAK_ML:
+            await self._stop(
+                f"the valve leaks: {leaked_ml:.1f} ml passed the flow meter while it was shut; "
+                "close the supply and change the valve"
+            )
 
     async def start_pump(self) -> None:
         """Ask for pressure. The pump runs on leases: it stops by itself when nobody renews them."""
@@ -125,6 +138,8 @@ class Liquid:
             result = await self._open_and_close(order)
             booked_ml = result.booked_ml
             await work(lambda: self._ledger.write_result(intent_id, result), LEDGER_WRITE_S)
+            if result.outcome is Outcome.UNCERTAIN:
+                await self._stop(f"the shot at target {order.target_id} is uncertain: {result.reason}")
             return result
         except Exception as error:
             await self._stop(f"the shot at target {order.target_id} could not be accounted for: {error}")

@@ -46,18 +46,25 @@ class Mission:
         event = Event.STARTED
         while True:
             self.state = next_state(self.state, event)
-            await self._enter(reason)
+            if not await self._enter(reason):
+                self.state = State.IDLE
             if self.state not in STATE_TASKS:
                 return self.state
             event = await self._run_state(STATE_TASKS[self.state])
             reason = str(event)
 
-    async def _enter(self, reason: str) -> None:
+    async def _enter(self, reason: str) -> bool:
+        """Tell and write down; False, and everything stopped, when the ledger cannot be written."""
         context = self._context
         context.publish(
             StateEntered(self.state, reason, context.now_s(), context.progress.stop, len(context.settings.row.stops))
         )
-        await context.record("state", f"{self.state} ({reason})")
+        try:
+            await context.record("state", f"{self.state} ({reason})")
+        except SprayerError as error:
+            await self._stop_for(error)
+            return False
+        return True
 
     async def _run_state(self, state_task: StateTask) -> Event:
         if not self._in_auto():
@@ -70,13 +77,16 @@ class Mission:
                 raise  # the whole mission is being cancelled, not just the state
             return Event.HALTED
         except (DeviceError, SprayerError) as error:
-            self._context.publish(Trouble(str(error), self._context.now_s()))
-            await self._context.actuation.stop(f"{self.state}: {error}")
+            await self._stop_for(error)
             return Event.HALTED
         finally:
             if not self._task.done():
                 self._task.cancel()
             self._task = None
+
+    async def _stop_for(self, error: Exception) -> None:
+        self._context.publish(Trouble(str(error), self._context.now_s()))
+        await self._context.actuation.stop(f"{self.state}: {error}")
 
     def _in_auto(self) -> bool:
         return self._context.actuation.state.mode is safety.Mode.AUTO

@@ -8,6 +8,7 @@ from drivers.errors import DeviceError, DeviceTimeout
 from robot import navigation
 from robot.mission.arm_moves import move_arm_to
 from robot.mission.context import MissionContext
+from robot.mission.rolling import RollingWatch
 from robot.mission.transitions import Event
 from robot.targets import TargetState, wanted
 
@@ -15,7 +16,10 @@ CHECKPOINT_EVERY_M = 0.1
 
 
 async def move(context: MissionContext) -> Event:
-    """Drive to the next stop; after the last one close the book. ``DeviceTimeout`` when the base does not get there."""
+    """Drive to the next stop; after the last one close the book.
+
+    ``DeviceTimeout`` when the base does not get there, ``DeviceFault`` when its wheels do not turn.
+    """
     await stow(context)
     progress = context.progress
     stops = context.settings.row.stops
@@ -51,10 +55,12 @@ async def _drive_to(context: MissionContext, goal_x_m: float) -> None:
     start_x_m = written_x_m = context.localiser.pose.x_m
     deadline_s = context.now_s() + 10.0 + 3.0 * abs(goal_x_m - start_x_m) / drive.max_speed_m_s
     commanded_m_s = 0.0
+    rolling = RollingWatch()
     while True:
         reading = context.actuation.odometry
         if reading is None:
             raise DeviceError("wheels", "an odometry reading", "none", "check the drive's connection")
+        rolling.check(reading, commanded_m_s)
         pose = context.localiser.pose
         order = navigation.command(pose, goal_x_m, reading.speed_m_s, commanded_m_s, drive)
         if order.arrived:

@@ -15,7 +15,7 @@ from drivers.twin.machine import Twin
 from robot import safety
 from robot.actuation import Actuation
 from robot.config import Config
-from robot.errors import ConfigError, FileError, UnavailableError, UsageError
+from robot.errors import ConfigError, FileError, SprayerError, UnavailableError, UsageError
 from robot.events import Bus
 from robot.geometry import Pose2
 from robot.ledger import Ledger
@@ -300,9 +300,10 @@ class _Robot:
             self._mission.mode_changed(state)
 
     def _on_fault(self, group: asyncio.TaskGroup, name: str, text: str) -> None:
-        self._trouble(f"{name}: {text}")
+        what = text if text.startswith(f"{name}: ") else f"{name}: {text}"
+        self._trouble(what)
         if action_for(name) >= Action.PAUSE and self.actuation.state.mode is not safety.Mode.DISARMED:
-            group.create_task(self.actuation.stop(f"{name}: {text}"), name=f"stop for {name}")
+            group.create_task(self.actuation.stop(what), name=f"stop for {name}")
 
     def _trouble(self, text: str) -> None:
         self._bus.publish(Trouble(text, asyncio.get_running_loop().time()))

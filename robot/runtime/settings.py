@@ -184,6 +184,7 @@ def mission_settings(config: Config, row: Row, arm: ArmModel) -> MissionSettings
         policy=Policy(
             ripeness=frozenset(Ripeness(name) for name in config.targets.ripeness),
             min_confidence=config.targets.min_confidence,
+            sure_confidence=config.targets.sure_confidence,
             min_visible_fraction=config.targets.min_visible,
             min_diameter_m=config.targets.min_diameter_m,
             max_diameter_m=config.targets.max_diameter_m,

@@ -11,15 +11,22 @@ from robot.vision.values import Ripeness
 
 @dataclass(frozen=True, slots=True)
 class Policy:
-    """Ripeness classes to treat, and the evidence and size that a target must have."""
+    """Ripeness classes to treat, and the evidence and size that a target must have.
+
+    A target that was seen once needs ``sure_confidence``: a fruit matched to the wrong place in the other eye looks
+    right in one frame, and a second stop shows that it is not there.
+    """
 
     ripeness: frozenset[Ripeness] = frozenset(Ripeness)
     min_confidence: float = 0.5
+    sure_confidence: float = 0.5
     min_visible_fraction: float = 0.4
     min_diameter_m: float = 0.035
     max_diameter_m: float = 0.17
 
     def __post_init__(self) -> None:
+        if not 0.0 <= self.sure_confidence <= 1.0:
+            raise ValueError("sure_confidence must lie in 0..1")
         if not (0.0 <= self.min_confidence <= 1.0 and 0.0 <= self.min_visible_fraction <= 1.0):
             raise ValueError("min_confidence and min_visible_fraction must lie in 0..1")
         if not 0.0 < self.min_diameter_m < self.max_diameter_m < math.inf:
@@ -53,6 +60,12 @@ def wanted(target: Target, policy: Policy) -> Verdict:
             False,
             TargetState.DOUBTFUL,
             f"confidence {target.confidence:.2f} is below {policy.min_confidence:.2f}",
+        )
+    if target.sightings < 2 and target.confidence < policy.sure_confidence:
+        return Verdict(
+            False,
+            TargetState.DOUBTFUL,
+            f"seen once, with confidence {target.confidence:.2f} below {policy.sure_confidence:.2f}",
         )
     if target.visible_fraction < policy.min_visible_fraction:
         return Verdict(

@@ -117,7 +117,7 @@ def _best_closed_path(reward: Plane, stiffness: float) -> npt.NDArray[np.int64]:
     return np.asarray(np.roll(path[angles // 2 : angles // 2 + angles], angles // 2, axis=0).T)
 
 
-def fit_circles(contours: Contours, iterations: int = 6) -> tuple[Array, Array]:
+def fit_circles(contours: Contours, iterations: int = 4) -> tuple[Array, Array]:
     """Robust circles (n, 3) through the outlines and the residuals (n, ANGLES) in working pixels (Tukey, IRLS)."""
     points, strength = contours.points, contours.strength
     weights = strength.copy() + 1e-3

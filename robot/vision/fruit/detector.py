@@ -49,16 +49,14 @@ class FruitDetector:
         chosen = np.flatnonzero((confidence >= self._parameters.minimum_confidence) & self._plausible(best.fit))
         if len(chosen) == 0:
             return ()
-        distance = np.linalg.norm(best.fit.centre_m, axis=1)
-        directions = best.fit.centre_m / distance[:, None]
-        half_angle = np.arcsin(np.clip(best.fit.radius_m / distance, 0.0, 1.0))
         rank = rank_of(confidence, measured_well)
-        kept = chosen[keep_best(directions[chosen], half_angle[chosen], rank[chosen])]
+        kept = keep_best(best.fit.centre_m[chosen], best.fit.radius_m[chosen], rank[chosen], measured_well[chosen])
+        kept = chosen[kept]
         kept = kept[np.argsort(-confidence[kept], kind="stable")]
         kinds, scores = ripeness_of(best.tint[kept], self._weights.ripeness)
         fit = best.fit[kept]
         left_from_pair = found.pair.rect_from_left.T
-        centres = fit.centre_m @ left_from_pair.T
+        centres = np.round(fit.centre_m @ left_from_pair.T, 6)
         covariances = left_from_pair @ centre_covariances(fit, measured_well[kept], found.pair) @ left_from_pair.T
         diameters, sigmas = 2 * fit.volume_radius_m, diameter_sigmas(fit, measured_well[kept])
         fruits = []

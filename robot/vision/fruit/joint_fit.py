@@ -15,7 +15,7 @@ import numpy.typing as npt
 Array = npt.NDArray[np.float64]
 FLATTENING_PRIOR = (0.05, 0.04)
 SKEW_SIGMA = 0.03
-ITERATIONS = 6
+ITERATIONS = 5
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -58,7 +58,7 @@ def fit_spheroids(rays: Array, strength: Array, eyes_m: Array, start: Array, foc
     weights = strength
     normal = np.tile(np.eye(6), (count, 1, 1))
     for k in range(ITERATIONS):
-        floor = max(0.25, 1.0 - 0.2 * k)
+        floor = max(0.25, 1.0 - 0.25 * k)
         sigma = np.maximum(1.4826 * np.median(np.abs(residual).reshape(count, points), axis=1), floor)
         weights = strength * np.clip(1 - (residual / (4.0 * sigma[:, None, None])) ** 2, 0.0, None) ** 2
         information = (weights / sigma[:, None, None] ** 2).reshape(count, points, 1)

@@ -16,9 +16,9 @@ class FruitParameters:
     minimum_confidence: float = 0.5
     diameter_range_m: tuple[float, float] = (0.035, 0.17)
     distance_range_m: tuple[float, float] = (0.22, 1.3)
-    candidates: int = 40
+    candidates: int = 32
     mono_candidates: int = 80
-    refined: int = 16
+    refined: int = 20
 
     def __post_init__(self) -> None:
         if not 0.0 <= self.minimum_confidence <= 1.0:

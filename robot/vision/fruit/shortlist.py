@@ -18,6 +18,8 @@ from robot.vision.fruit.stereo_match import disc_difference
 from robot.vision.stereo_rig import StereoRig
 
 Array = npt.NDArray[np.float64]
+ALIKE = 0.3
+"""Hypotheses nearer than this share of the radius, and than half of it in size, are one."""
 SHARES = np.array([0.3, 0.6, 0.85, 1.15, 1.3])
 
 
@@ -36,7 +38,7 @@ def shortlist(
 ) -> Shortlist:
     """At most ``limit`` hypotheses that the ``first`` verifier gives a logit of at least ``least``."""
     logits = first.logits(found.features).astype(np.float64)
-    rows = np.argsort(-logits[:, 0], kind="stable")[:limit]
+    rows = _unlike(found.fit, logits[:, 0], limit)
     rows = rows[logits[rows, 0] >= least]
     coarse = found.fit[rows]
     fit = refine(coarse, full, rig, found.pair)
@@ -51,6 +53,19 @@ def shortlist(
     )
     tint = 0.5 * (found.left.tint + found.right.tint)[rows]
     return Shortlist(fit, np.nan_to_num(features), tint, _outline_seen(fit))
+
+
+def _unlike(fit: Spheroids, logit: Array, limit: int) -> npt.NDArray[np.int64]:
+    """The best ``limit`` rows of which none would be refined to the same fruit as a better one."""
+    kept: list[int] = []
+    for row in np.argsort(-logit, kind="stable"):
+        apart = np.linalg.norm(fit.centre_m[kept] - fit.centre_m[row], axis=1) / fit.radius_m[row]
+        size = np.abs(np.log(fit.radius_m[kept] / fit.radius_m[row]))
+        if not ((apart < ALIKE) & (size < 0.5 * ALIKE)).any():
+            kept.append(int(row))
+        if len(kept) == limit:
+            break
+    return np.array(kept, dtype=np.int64)
 
 
 def _outline_seen(fit: Spheroids) -> Array:

@@ -141,10 +141,20 @@ def test_nested_circles_are_one_fruit_and_neighbours_are_two() -> None:
 
 def test_two_depths_of_one_fruit_are_one_fruit() -> None:
     centres = np.array([[0.0, 0.0, 0.5], [0.0, 0.002, 0.58], [0.09, 0.0, 0.5]])
-    distance = np.linalg.norm(centres, axis=1)
-    half_angle = np.arcsin(0.04 / distance)
-    kept = keep_best(centres / distance[:, None], half_angle, np.array([0.6, 0.9, 0.5]))
+    kept = keep_best(centres, np.full(3, 0.04), np.array([0.6, 0.9, 0.5]), np.ones(3))
     assert kept.tolist() == [1, 2]
+
+
+def test_of_two_fruit_that_would_stand_in_each_other_only_the_better_stays() -> None:
+    centres = np.array([[0.0, 0.0, 0.5], [0.045, 0.0, 0.5]])
+    assert keep_best(centres, np.array([0.04, 0.04]), np.array([0.7, 0.8]), np.ones(2)).tolist() == [1]
+
+
+@pytest.mark.parametrize(("measured_well", "kept"), [(0.9, [0, 1]), (0.1, [0])])
+def test_a_circle_that_cuts_another_stays_only_when_it_is_measured_well(measured_well: float, kept: list[int]) -> None:
+    centres = np.array([[0.0, 0.0, 0.5], [0.06, 0.0, 0.58]])
+    found = keep_best(centres, np.array([0.04, 0.04]), np.array([0.9, 0.5]), np.array([0.9, measured_well]))
+    assert found.tolist() == kept
 
 
 def test_a_network_answers_the_same_in_one_block_or_many() -> None:
