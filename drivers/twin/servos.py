@@ -39,19 +39,27 @@ class Servo:
         self.angle = start_rad
         self.speed = 0.0
         self.goal = self.profile = start_rad
-        self.goal_speed = self.profile_speed = 0.0
+        self._mean_speed = 0.0
+        self.goal_speed = self.goal_change = self.profile_speed = 0.0
         self.sag_rad_s = 0.0
         self.error = 0
 
     def set_goal(self, goal: float, gap_s: float) -> None:
         """``gap_s`` after the last goal; in a stream the goal is taken to move on as it has."""
         goal = self._clip(goal)
-        self.goal_speed = (goal - self.goal) / gap_s if 0.0 < gap_s <= STREAM_GAP_S else 0.0
+        in_stream = 0.0 < gap_s <= STREAM_GAP_S
+        mean_speed = (goal - self.goal) / gap_s if in_stream else 0.0
+        bound = self._acceleration
+        change = min(max((mean_speed - self._mean_speed) / gap_s, -bound), bound) if in_stream else 0.0
+        self._mean_speed, self.goal_change = mean_speed, change
+        self.goal_speed = mean_speed + 0.5 * change * gap_s if in_stream else 0.0
+        if self.goal_speed * mean_speed < 0.0:
+            self.goal_speed = self.goal_change = 0.0
         self.goal = goal
 
     def stop_goal(self) -> None:
         """The goal is where the hardest braking ends."""
-        self.goal, self.goal_speed = self._stopping_rad(), 0.0
+        self.goal, self.goal_speed, self.goal_change = self._stopping_rad(), 0.0, 0.0
 
     def end_stream(self) -> None:
         """The stream of goals has ceased: too fast to stop at the last one, stop beyond it and stay there."""
@@ -60,25 +68,33 @@ class Servo:
         beyond = math.copysign(1.0, self.profile_speed) * (self._stopping_rad() - self.goal)
         if beyond > OVERSHOOT_RAD:
             self.goal = self._stopping_rad()
-        self.goal_speed = 0.0
+        self.goal_speed = self.goal_change = 0.0
 
     def settle(self) -> None:
         """Want to be where the joint is."""
         self.goal = self.profile = self.angle
-        self.goal_speed = self.profile_speed = 0.0
+        self.goal_speed = self.goal_change = self.profile_speed = 0.0
 
     def follow(self, since_s: float) -> None:
         """One step towards the goal as it is ``since_s`` after it was set."""
         half = 0.5 * self._acceleration * STEP_S
-        ahead = self.goal + self.goal_speed * since_s - self.profile
+        goal, goal_speed = self._goal_now(since_s)
+        ahead = goal - self.profile
         distance = abs(ahead)
         spare = self._acceleration * (CATCH_UP_SHARE if self.goal_speed else 1.0)
         braking = math.sqrt(half * half + 2.0 * spare * distance) - half
-        wanted = self.goal_speed + math.copysign(min(braking, distance / STEP_S), ahead)
+        wanted = goal_speed + math.copysign(min(braking, distance / STEP_S), ahead)
         wanted = min(max(wanted, -self._velocity), self._velocity)
         self.profile_speed = min(max(wanted, self.profile_speed - 2.0 * half), self.profile_speed + 2.0 * half)
         self.profile += self.profile_speed * STEP_S
         self._move(self.angle + (self.profile - self.angle) * _LAG_SHARE)
+
+    def _goal_now(self, since_s: float) -> tuple[float, float]:
+        """Where a goal in a stream is by now, and how fast; one that brakes does not turn back."""
+        if self.goal_speed * self.goal_change < 0.0:
+            since_s = min(since_s, -self.goal_speed / self.goal_change)
+        speed = self.goal_speed + self.goal_change * since_s
+        return self.goal + 0.5 * (self.goal_speed + speed) * since_s, speed
 
     def sink(self) -> None:
         """One step without torque."""
@@ -128,6 +144,8 @@ class Servos:
             Servo(joint, start - zero, velocity_rad_s, acceleration_rad_s2)
             for joint, start, zero in zip(geometry.joints, start_rad, zero_rad, strict=True)
         ]
+        self._weighed_rad: Array = np.empty(0)
+        self._weighed_n_m: Array = np.empty(0)
         self._goal_at_s = -math.inf
         self._steps = 0
         self.resting = True
@@ -198,7 +216,7 @@ class Servos:
         seen = angles + self._zero + noise.normal(0.0, ENCODER_NOISE_RAD, n)
         ticks = np.round(seen / ENCODER_TICK_RAD) * ENCODER_TICK_RAD
         stall = np.array([joint.effort_n_m for joint in self._geometry.joints])
-        load = -self._geometry.gravity_torque_n_m(angles, self._up) / stall
+        load = -self._gravity_n_m(angles) / stall
         load = np.where([self._limp(servo) for servo in self._servos], 0.0, load) + noise.normal(0.0, LOAD_NOISE, n)
         return ArmState(
             stamp_s=stamp_s,
@@ -208,6 +226,12 @@ class Servos:
             torque_on=self.torque_on,
             hardware_error=self.errors,
         )
+
+    def _gravity_n_m(self, angles: Array) -> Array:
+        """An arm at rest is asked often: the last answer is kept."""
+        if not np.array_equal(angles, self._weighed_rad):
+            self._weighed_rad, self._weighed_n_m = angles, self._geometry.gravity_torque_n_m(angles, self._up)
+        return self._weighed_n_m
 
     def _wake(self) -> bool:
         was_resting, self.resting = self.resting, False

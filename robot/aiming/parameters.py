@@ -29,7 +29,7 @@ class AimingParameters:
     collision_margin_m: float = 0.015
     max_velocity_rad_s: float = 1.5
     max_acceleration_rad_s2: float = 4.0
-    limit_fraction: float = 0.95
+    limit_fraction: float = 0.85
     path_step_rad: float = math.radians(2.0)
     sample_s: float = 0.02
     goals_tried: int = 16

@@ -158,3 +158,24 @@ def test_it_does_not_matter_who_looks_when(looks: list[float]) -> None:
     for device in (watched, alone):
         device.advance(3.0)
     assert np.array_equal(watched.angles_rad(3.0), alone.angles_rad(3.0))
+
+
+def test_a_goal_that_brakes_nearly_as_hard_as_the_servo_can_is_not_overshot_after_a_late_start() -> None:
+    """A trapezoid at 85 % of both limits that begins two milliradians off, as a planner starts from an encoder."""
+    device = servos()
+    speed, rate, way = 0.85 * VELOCITY, 0.85 * ACCELERATION, 0.95
+    ramp_s = speed / rate
+    end_s = way / speed + ramp_s
+    farthest = 0.0
+    for k in range(round(end_s / 0.02) + 60):
+        t = min(0.02 * k, end_s)
+        up, down = min(t, ramp_s), max(0.0, t - (end_s - ramp_s))
+        share = (
+            0.5 * rate * up**2 + speed * max(0.0, min(t, end_s - ramp_s) - ramp_s) + speed * down - 0.5 * rate * down**2
+        )
+        device.advance(0.02 * k)
+        if 0.02 * k <= end_s + 0.02:
+            device.goal(0.02 * k, (STOW_RAD[0] - 0.002 + share, *STOW_RAD[1:]))
+        farthest = max(farthest, float(device.angles_rad(0.02 * k)[0]))
+    assert farthest - (STOW_RAD[0] - 0.002 + way) < 0.012
+    assert abs(float(device.angles_rad(end_s + 1.0)[0]) - (STOW_RAD[0] - 0.002 + way)) < 1e-3
