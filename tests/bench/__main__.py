@@ -111,7 +111,8 @@ def main() -> None:
     aiming(config)
     ledger()
     mission(config)
-    _line("memory: peak resident set of this process", f"{resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024:.0f} MiB")
+    peak_mib = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
+    _line("memory: peak resident set of this process", f"{peak_mib:.0f} MiB")
 
 
 if __name__ == "__main__":

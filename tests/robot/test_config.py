@@ -41,7 +41,7 @@ def test_an_unknown_key_without_a_neighbour_lists_the_known_ones(tmp_path):
     [
         ("valve_open_s = 0.025", "valve_open_s = 25", "fluid.valve_open_s"),  # ms for s
         ("radius_m = 0.10", "radius_m = 100", "wheels.radius_m"),  # mm for m
-        ("cone_half_angle_rad = 0.2618", "cone_half_angle_rad = 15", "fluid.cone_half_angle_rad"),  # degrees for radians
+        ("cone_half_angle_rad = 0.2618", "cone_half_angle_rad = 15", "fluid.cone_half_angle_rad"),  # deg for rad
         ("pump_pressure_bar = 2.76", "pump_pressure_bar = 40", "fluid.pump_pressure_bar"),  # psi for bar
         ("coefficient = 0.02 ", "coefficient = nan ", "dosing.coefficient"),
         ("exposure_s = 0.004", "exposure_s = inf", "camera.exposure_s"),
@@ -108,7 +108,7 @@ def test_a_file_beside_the_configuration_wins_over_the_packaged_one(tmp_path):
 
 
 def test_a_named_file_that_is_nowhere_is_an_error(tmp_path):
-    with pytest.raises(ConfigError, match="names 'gone.json'"):
+    with pytest.raises(ConfigError, match=r"names 'gone\.json'"):
         named_file("gone.json", tmp_path / "my.toml")
 
 

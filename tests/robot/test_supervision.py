@@ -1,4 +1,5 @@
 import asyncio
+from itertools import pairwise
 
 import pytest
 
@@ -72,7 +73,7 @@ def test_retries_back_off():
         raise DeviceLost("relay", "an answer", "silence", "plug it in")
 
     _run(step, 30.0)
-    gaps = [b - a for a, b in zip(times, times[1:], strict=False)]
+    gaps = [b - a for a, b in pairwise(times)]
     assert gaps[:4] == pytest.approx([0.2, 0.4, 0.8, 1.6])
     assert max(gaps) == pytest.approx(5.0)
 

@@ -158,8 +158,9 @@ def test_a_senseless_motion_is_refused(request_, words):
 
 
 def test_nothing_moves_while_the_valve_is_open():
+    spraying = replace(GOOD, valve_coil=True)
     for request in (FORWARD, ARM):
-        assert "valve is open" in authorise_motion(AUTO, replace(GOOD, valve_coil=True), request, LIMITS, NOW_S).reasons[0]
+        assert "valve is open" in authorise_motion(AUTO, spraying, request, LIMITS, NOW_S).reasons[0]
 
 
 def test_the_arm_does_not_move_while_the_base_does():
