@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import signal
 import sys
 
 import typer
@@ -28,7 +29,10 @@ app.add_typer(calibrate, name="calibrate")
 def main() -> None:
     """Run a command. Errors become one line on stderr and the exit code of their kind (docs/exit-codes.md)."""
     logging.basicConfig(level=logging.WARNING, format="%(levelname)s %(name)s: %(message)s")
-    sys.exit(run_command(sys.argv[1:]))
+    code = run_command(sys.argv[1:])
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, signal.SIG_IGN)  # all is done: a late signal does not change the outcome
+    sys.exit(code)
 
 
 def run_command(arguments: list[str]) -> int:

@@ -37,13 +37,13 @@ class FlowAccount:
 
 
 def outcome_of(
-    order: PulseOrder, open_s: float, problem: str, counted: tuple[float | None, float | None],
+    order: PulseOrder, open_s: float, problem: str, why_short: str, counted: tuple[float | None, float | None],
     settings: HandSettings, now_s: float,
 ) -> Result:  # fmt: skip
     """How a pulse ended. What is not certain is booked as the board's full pulse.
 
-    ``open_s`` is how long the coil was on, ``problem`` what went wrong ("" if nothing), ``counted`` what the flow
-    account gave.
+    ``open_s`` is how long the coil was on, ``problem`` what went wrong ("" if nothing), ``why_short`` who
+    would have cut it short, ``counted`` what the flow account gave.
     """
     measured_ml, upper_ml = counted
     if problem:
@@ -51,7 +51,7 @@ def outcome_of(
     if measured_ml is None or upper_ml is None:
         return Result(Outcome.SPRAYED, order.full_ml, open_s, None, "no flow reading: booked the full pulse", now_s)
     if open_s < WHOLE * order.open_s:
-        return Result(Outcome.SHORTENED, upper_ml, open_s, measured_ml, "shortened by a stop", now_s)
+        return Result(Outcome.SHORTENED, upper_ml, open_s, measured_ml, f"shortened: {why_short}", now_s)
     if measured_ml < PLAUSIBLE_FLOW * order.model_ml - settings.meter_ml_per_pulse:
         reason = f"flow meter saw {measured_ml:.2f} of {order.model_ml:.2f} ml: check nozzle, filter and meter"
         return Result(Outcome.UNCERTAIN, max(order.full_ml, upper_ml), open_s, measured_ml, reason, now_s)

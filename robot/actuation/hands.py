@@ -22,7 +22,7 @@ from robot.actuation.stopping import stop_part
 from robot.actuation.values import HandSettings, PartStopped, PulseOrder
 from robot.ledger import Ledger
 from robot.ledger.values import Result
-from robot.safety.timing import FRAME_MOTION_MAX_M
+from robot.safety.timing import BASE_STILL_M_S, FRAME_MOTION_MAX_M
 
 
 class Actuation:
@@ -77,6 +77,13 @@ class Actuation:
         return self._readings.moved_since_frame_m > FRAME_MOTION_MAX_M
 
     @property
+    def base_disturbed(self) -> bool:
+        """Whether the base rolls now, or moved since the frame."""
+        reading = self._readings.odometry
+        rolls = reading is None or max(abs(reading.left_m_s), abs(reading.right_m_s)) > BASE_STILL_M_S
+        return rolls or self.base_moved
+
+    @property
     def all_reported(self) -> bool:
         return self._readings.inputs() is not None
 
@@ -105,9 +112,13 @@ class Actuation:
 
     async def poll_odometry(self) -> None:
         self._readings.odometry = await self._wheels.odometry()
+        if self.base_moved:
+            self._liquid.interrupt("the base moved")
 
     async def poll_arm(self) -> None:
         self._readings.take_arm(await self._arm.state())
+        if not self._readings.arm_settled:
+            self._liquid.interrupt("the arm moved")
 
     async def poll_relay(self) -> None:
         """Read the coils back and renew the pump's lease; leaves the bus alone while a shot is under way."""

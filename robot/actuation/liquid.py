@@ -41,6 +41,7 @@ class Liquid:
         self._pump_wanted = False
         self._pump_until_s = -math.inf
         self._cut = asyncio.Event()
+        self._cut_reason = ""
         self.shot_under_way = False
 
     def begin_task(self, task_id: int) -> None:
@@ -60,6 +61,12 @@ class Liquid:
         """Shut the valve of a shot under way at once, and renew the pump no more."""
         self._cut.set()
         self._pump_wanted = False
+
+    def interrupt(self, reason: str) -> None:
+        """Shut the valve of a shot under way at once, for a ``reason`` that does not stop the machine."""
+        if self.shot_under_way and not self._cut.is_set():
+            self._cut_reason = reason
+            self._cut.set()
 
     async def look_for_leak(self) -> None:
         """Stop the machine, and with it the pump, when the newest reading shows flow past the shut valve."""
@@ -104,6 +111,7 @@ class Liquid:
         request = safety.SprayRequest(order.target_id, order.dose_ml, order.full_ml, order.open_s, order.pulse_s)
         self._gate.demand_spray(request)
         self._cut.clear()
+        self._cut_reason = ""
         self.shot_under_way = True
         section = asyncio.create_task(self._account_for(order, self._task_id), name=f"shot at target {order.target_id}")
         cancelled = False
@@ -151,7 +159,7 @@ class Liquid:
     async def _open_and_close(self, order: PulseOrder) -> Result:
         last_look = self._gate.last_look()
         if self._cut.is_set() or not last_look.allowed:
-            reason = "; ".join(last_look.reasons) or "stopped before the valve opened"
+            reason = "; ".join(last_look.reasons) or self._cut_reason or "stopped before the valve opened"
             return Result(Outcome.NOT_OPENED, 0.0, 0.0, None, reason, now_s())
         problem = ""
         opened_s = now_s()
@@ -175,7 +183,8 @@ class Liquid:
             await stop_part("contactor", lambda: self._relay.switch(Channel.CONTACTOR, False))
             await self._stop(f"the valve's closing is unconfirmed ({closing.error})")
         counted = await self._count()
-        return outcome_of(order, shut_s - opened_s, problem, counted, self._settings, now_s())
+        why_short = self._cut_reason or "a stop"
+        return outcome_of(order, shut_s - opened_s, problem, why_short, counted, self._settings, now_s())
 
     async def _read_back_shut(self) -> None:
         self._readings.relay = await self._relay.read()

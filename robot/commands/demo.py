@@ -11,6 +11,7 @@ from typing import Annotated
 import numpy as np
 import typer
 from rich.console import Console
+from rich.text import Text
 
 from drivers.twin.truth_record import TruthRecord
 from robot.commands.report import load_truth, result_table, write_report
@@ -50,10 +51,10 @@ def demo(
     judgement = judge(evidence, truth, reachable, dose_law(settings).dose_ml)
     page = out / "report.html"
     write_report(page, evidence, truth, judgement, frames_folder(out))
-    console = Console(highlight=False)
-    console.print(f"{settings.robot.name}, seed {settings.twin.seed}, detector {settings.vision.detector}")
+    console = Console()
+    console.print(Text(f"{settings.robot.name}, seed {settings.twin.seed}, detector {settings.vision.detector}"))
     console.print(result_table(evidence, judgement))
-    console.print(f"report: {page}", soft_wrap=True)
+    console.print(Text(f"report: {page}"), soft_wrap=True)
     return 0 if result.state is State.DONE else 1
 
 

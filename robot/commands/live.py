@@ -50,7 +50,7 @@ class LiveView:
             self._take(event)
         self._live.stop()
         for note in self._notes:
-            self._console.print(f"[yellow]{note}[/yellow]", highlight=False)
+            self._console.print(Text(note, style="yellow"), soft_wrap=True)
 
     async def _listen(self) -> None:
         async for event in self._heard:
@@ -99,7 +99,7 @@ class LiveView:
     def _say(self, text: str) -> None:
         """One line where there is no terminal to redraw (a journal, a pipe)."""
         if not self._console.is_terminal:
-            self._console.print(text, highlight=False)
+            self._console.print(Text(text), soft_wrap=True)
 
     def _table(self) -> Table:
         table = Table.grid(padding=(0, 2))

@@ -8,6 +8,7 @@ from typing import Annotated
 import typer
 from rich.console import Console
 from rich.table import Table
+from rich.text import Text
 
 from drivers.twin.truth_record import TruthRecord, read_truth
 from robot.atomic_file import atomic_file
@@ -45,7 +46,7 @@ def report(
     page = out or ledger.parent / "report.html"
     write_report(page, evidence, record, judgement, frames or ledger.parent / "frames")
     Console().print(result_table(evidence, judgement))
-    Console().print(f"report: {page}", highlight=False, soft_wrap=True)
+    Console().print(Text(f"report: {page}"), soft_wrap=True)
 
 
 def write_report(
@@ -60,7 +61,7 @@ def result_table(evidence: Evidence, judgement: Judgement | None) -> Table:
     """The result for the terminal."""
     table = Table(title="Result", show_header=False)
     for label, value in ledger_rows(evidence) if judgement is None else score_rows(judgement.score):
-        table.add_row(label if label[0].isupper() else f"  {label}", value)
+        table.add_row(Text(label if label[0].isupper() else f"  {label}"), Text(value))
     return table
 
 

@@ -5,8 +5,10 @@ from __future__ import annotations
 import asyncio
 import json
 import math
+import signal
 import sys
-from contextlib import ExitStack
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager
 from dataclasses import asdict
 from pathlib import Path
 from typing import Annotated, Any
@@ -54,9 +56,22 @@ def run(
     with ExitStack() as stack:
         file = None if summary is None else stack.enter_context(atomic_file(summary))  # refused before anything moves
         result = run_with_view(settings, options, speed)
-        if file is not None:
-            file.write(json.dumps(describe(result, options.folder), indent=2).encode("utf-8") + b"\n")
+        with undisturbed():
+            if file is not None:
+                file.write(json.dumps(describe(result, options.folder), indent=2).encode("utf-8") + b"\n")
+            stack.close()  # here the summary appears
     return 0 if result.state is State.DONE or not start or _stopped_by_signal(result) else 1
+
+
+@contextmanager
+def undisturbed() -> Iterator[None]:
+    """The robot has let go; a late signal does not cut what is left to write."""
+    before = {number: signal.signal(number, signal.SIG_IGN) for number in (signal.SIGINT, signal.SIGTERM)}
+    try:
+        yield
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
 
 
 def load_with_seed(path: Path, seed: int | None) -> Config:

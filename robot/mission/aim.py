@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import asyncio
+import math
 
 import numpy as np
 
 from drivers.errors import DeviceTimeout
+from robot.actuation import Refused
 from robot.aiming import AimPlan, Unreachable, motion_limits, plan, visiting_order
 from robot.clock import work
 from robot.mission.arm_moves import present_joints
@@ -18,17 +20,33 @@ from robot.mission.scenery import arm_from_row, obstacles
 from robot.mission.transitions import Event
 from robot.targets import TargetState
 
+PUSHED_M = 0.02  # more than the pose filter wanders while the rover stands
+
 
 async def aim(context: MissionContext) -> Event:
     """AIMED with the arm settled and the pressure up, or NO_TARGETS with the arm stowed and the pump off.
 
-    BASE_MOVED, arm stowed, when the base was pushed since the targets were seen: they must be seen again.
+    BASE_MOVED when the base rolls, or was moved since the targets were seen: they must be seen again.
     """
+    if not _disturbed(context):
+        try:
+            return await _aim(context)
+        except Refused:
+            if not _disturbed(context):
+                raise
+    context.progress.queue = None
+    return Event.BASE_MOVED
+
+
+def _disturbed(context: MissionContext) -> bool:
+    """By the wheels, or, when they skidded, by satellites."""
+    seen_from, now = context.progress.frame_pose, context.localiser.pose
+    pushed = seen_from is not None and math.hypot(now.x_m - seen_from.x_m, now.y_m - seen_from.y_m) > PUSHED_M
+    return pushed or context.actuation.base_disturbed
+
+
+async def _aim(context: MissionContext) -> Event:
     progress = context.progress
-    if context.actuation.base_moved:
-        progress.queue = None
-        await stow(context)
-        return Event.BASE_MOVED
     if progress.queue is None:
         progress.queue = await _queue(context)
     while progress.queue:

@@ -10,21 +10,17 @@ from robot.ledger import StopRecord
 from robot.mission.context import MissionContext
 from robot.mission.events import FrameSeen
 from robot.mission.transitions import Event
-from robot.safety.timing import FRAME_MOTION_MAX_M
 from robot.targets import Book, Match, Sighting, TargetState, match, observe, sighting, wanted, with_state
 from robot.vision.values import Fruit
-
-OLDEST_PROOF_S = 0.3
 
 
 async def detect(context: MissionContext) -> Event:
     """One look. BASE_MOVED when odometry cannot prove that the base stood still through the exposure."""
     context.actuation.mark_frame()
-    before = context.actuation.odometry
     frame = await context.camera.capture()
     await context.actuation.poll_odometry()
     after = context.actuation.odometry
-    if before is None or after is None or abs(after.left_m - before.left_m) > FRAME_MOTION_MAX_M:
+    if after is None or context.actuation.base_moved:
         return Event.BASE_MOVED
     context.localiser.on_odometry(after)
     settings = context.settings

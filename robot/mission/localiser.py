@@ -2,12 +2,18 @@
 
 from __future__ import annotations
 
+import math
+from dataclasses import replace
+
 from drivers.errors import DeviceFault
-from drivers.gps.values import Fix
+from drivers.gps.values import Fix, FixQuality
 from drivers.wheels.values import Odometry
 from robot import navigation
 from robot.geometry import Pose2
 from robot.navigation import Datum, FixRules, PoseFilter
+
+PUSHED_AFTER_FIXES = 5   # refused in a row: a second of RTK
+FARTHEST_PUSH_M = 0.3    # what is farther off is taken for a wrong fix
 
 
 class Localiser:
@@ -43,8 +49,25 @@ class Localiser:
             self._filter = navigation.predict(self._filter, odometry)
 
     def on_fix(self, fix: Fix) -> None:
-        if self._filter is not None and self._datum is not None:
-            self._filter = navigation.update_fix(self._filter, fix, self._datum, self._rules)
+        """Take a fix in. Fixes that odometry contradicts are refused, until so many agree that the rover was pushed."""
+        if self._filter is None or self._datum is None:
+            return
+        before = self._filter
+        self._filter = navigation.update_fix(before, fix, self._datum, self._rules)
+        if self._filter.rejected > before.rejected and self._filter.rejected >= PUSHED_AFTER_FIXES:
+            self._believe(fix, self._datum)
+
+    def _believe(self, fix: Fix, datum: Datum) -> None:
+        """Start over where an RTK fix says, when that is no farther off than a push can shift the rover."""
+        before = self.filter
+        if fix.quality is not FixQuality.RTK_FIXED or fix.latitude_deg is None or fix.longitude_deg is None:
+            return
+        x_m, y_m = navigation.row_xy_m(fix.latitude_deg, fix.longitude_deg, datum)
+        lever = before.pose.transform().rotate((*self._rules.antenna_xy_m, 0.0))
+        there = Pose2(x_m - float(lever[0]), y_m - float(lever[1]), before.pose.heading_rad)
+        if math.hypot(there.x_m - before.pose.x_m, there.y_m - before.pose.y_m) <= FARTHEST_PUSH_M:
+            fresh = navigation.start(there, before.odometry, self._track_m)
+            self._filter = replace(fresh, trail=before.trail)
 
     def on_landmarks(self, seen_from: Pose2, shift: navigation.PoseShift, stamp_s: float) -> None:
         self._filter = navigation.update_landmarks(self.filter, seen_from, shift, stamp_s)

@@ -15,7 +15,7 @@ from drivers.twin.machine import Twin
 from robot import safety
 from robot.actuation import Actuation
 from robot.config import Config
-from robot.errors import ConfigError, FileError, SprayerError, UnavailableError, UsageError
+from robot.errors import ConfigError, FileError, UnavailableError, UsageError
 from robot.events import Bus
 from robot.geometry import Pose2
 from robot.ledger import Ledger
@@ -244,7 +244,8 @@ class _Robot:
         for verb in (safety.Verb.ARM, safety.Verb.START):
             decision = self.actuation.change_mode(verb, "start")
             if not decision.allowed:
-                raise UnavailableError(f"cannot {verb}: {'; '.join(decision.reasons)}")
+                reasons = (*decision.reasons, *self.actuation.state.causes)
+                raise UnavailableError(f"cannot {verb}: {'; '.join(reasons)}")
         self._mission = Mission(context)
         running = group.create_task(self._mission.run(), name="mission")
         signalled = group.create_task(self._signalled.wait(), name="signals")

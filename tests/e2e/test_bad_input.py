@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import os
 import resource
+import shutil
 import sqlite3
 import subprocess
-import sys
 from collections.abc import Callable
 from datetime import UTC, datetime
 from pathlib import Path
@@ -25,11 +25,6 @@ from .rover_process import DEADLINE_S, DEMO, SPRAYER, command, short_row
 
 USAGE, UNAVAILABLE, FILE, BUSY, CONFIG = 64, 69, 74, 75, 78
 Told = Callable[..., None]
-
-
-@pytest.fixture(autouse=True)
-def paper_detector(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setenv("SPRAYER_VISION__DETECTOR", "paper")
 
 
 @pytest.fixture
@@ -52,6 +47,14 @@ def run(config: Path, out: Path, *more: str) -> int:
     return run_command(command(config, out, "--start", "--speed", "0", *more)[len(SPRAYER) :])
 
 
+@pytest.fixture(scope="module")
+def done(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The run directory of a row of one stop that was sprayed before."""
+    folder = tmp_path_factory.mktemp("done")
+    assert run(short_row(folder, (0.45,)), folder / "out") == 0
+    return folder / "out"
+
+
 def a_ledger(folder: Path) -> Path:
     folder.mkdir()
     Ledger.open(folder / "ledger.sqlite").close()
@@ -66,7 +69,7 @@ def a_ledger(folder: Path) -> Path:
     [
         ("max_ml = 12.0", "max_ml = 12.0\nmin_pulze_s = 1", ("'dosing.min_pulze_s'", "did you mean 'min_pulse_s'?")),
         ("[fluid]", "[fluids]", ("unknown key 'fluids'", "did you mean 'fluid'?")),
-        ("valve_open_s = 0.025", "valve_open_s = 25", ("'fluid.valve_open_s'", "less than or equal to 0.5", "found 25")),
+        ("valve_open_s = 0.025", "valve_open_s = 25", ("'fluid.valve_open_s'", "equal to 0.5", "found 25")),
         ("coefficient = 0.02 ", "coefficient = nan ", ("'dosing.coefficient'", "finite", "found nan")),
         ("min_ml = 1.5", "min_ml = 13.0", ("min_ml must not exceed max_ml",)),
         ("max_shot_ml = 15.0", "max_shot_ml = 5.0", ("dosing.max_ml (12.0) exceeds safety.max_shot_ml (5.0)",)),
@@ -209,12 +212,9 @@ def test_a_truth_file_that_cannot_be_opened_is_refused(tmp_path: Path, refused: 
     refused(code, FILE, f"{tmp_path}: cannot be used", "choose another truth file")
 
 
-def test_a_truth_file_of_another_seed_is_refused_and_left_alone(
-    tmp_path: Path, refused: Told, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_truth_file_of_another_seed_is_refused_and_left_alone(tmp_path: Path, refused: Told, done: Path) -> None:
     config = short_row(tmp_path, (0.45,))
-    assert run(config, tmp_path / "out", "--seed", "3") == 0
-    capsys.readouterr()
+    shutil.copytree(done, tmp_path / "out")
     before = (tmp_path / "out" / "truth.jsonl").read_bytes()
     refused(run(config, tmp_path / "out", "--seed", "4"), FILE, "truth.jsonl", "seed", "name another file")
     assert (tmp_path / "out" / "truth.jsonl").read_bytes() == before
@@ -247,7 +247,7 @@ def test_a_ledger_of_a_newer_program_is_refused_and_left_alone(tmp_path: Path, r
 def test_a_ledger_that_is_no_database_is_refused_and_left_alone(tmp_path: Path, refused: Told, verb: str) -> None:
     out = tmp_path / "out"
     out.mkdir()
-    (out / "ledger.sqlite").write_text("a letter to my aunt, long enough to fill a database header of a hundred bytes\n" * 3)
+    (out / "ledger.sqlite").write_text("a letter, long enough to fill the header of a database\n" * 9)
     before = (out / "ledger.sqlite").read_bytes()
     config = short_row(tmp_path)
     arguments = {
@@ -308,23 +308,24 @@ def test_a_report_of_a_ledger_that_is_not_there_is_refused(tmp_path: Path, refus
 
 
 def test_a_resume_where_there_is_no_ledger_is_refused_and_makes_none(tmp_path: Path, refused: Told) -> None:
-    refused(run(short_row(tmp_path), tmp_path / "out", "--resume"), USAGE, "no ledger to resume from", "without --resume")
+    code = run(short_row(tmp_path), tmp_path / "out", "--resume")
+    refused(code, USAGE, "no ledger to resume from", "without --resume")
     assert not (tmp_path / "out").exists()
 
 
 def test_a_resume_of_a_ledger_without_a_task_is_refused(tmp_path: Path, refused: Told) -> None:
     a_ledger(tmp_path / "out")
-    refused(run(short_row(tmp_path), tmp_path / "out", "--resume"), USAGE, "holds no task to resume", "without --resume")
+    code = run(short_row(tmp_path), tmp_path / "out", "--resume")
+    refused(code, USAGE, "holds no task to resume", "without --resume")
     assert not (tmp_path / "out" / "truth.jsonl").exists()
 
 
 @pytest.mark.parametrize("change", ["dose", "seed"])
 def test_a_resume_with_a_changed_configuration_is_refused_and_the_machine_left_alone(
-    tmp_path: Path, refused: Told, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], change: str
+    tmp_path: Path, refused: Told, monkeypatch: pytest.MonkeyPatch, done: Path, change: str
 ) -> None:
     config = short_row(tmp_path, (0.45,))
-    assert run(config, tmp_path / "out") == 0
-    capsys.readouterr()
+    shutil.copytree(done, tmp_path / "out")
     before = (tmp_path / "out" / "truth.jsonl").read_bytes()
     if change == "dose":
         monkeypatch.setenv("SPRAYER_DOSING__MAX_ML", "7")
@@ -360,12 +361,12 @@ def test_with_a_full_disk_from_the_start_nothing_moves_and_nothing_sprays(tmp_pa
     assert not (tmp_path / "out" / "truth.jsonl").exists()
 
 
-@pytest.mark.parametrize("limit_bytes", [160_000, 210_000, 260_000, 310_000, 360_000])
+@pytest.mark.parametrize("limit_bytes", [280_000, 380_000])
 def test_a_disk_that_fills_up_ends_the_spraying_with_every_opening_written_down(
     tmp_path: Path, limit_bytes: int
 ) -> None:
     out = tmp_path / "out"
-    code, errors = run_with_files_up_to(limit_bytes, short_row(tmp_path), out)
+    code, errors = run_with_files_up_to(limit_bytes, short_row(tmp_path, (0.45, 0.85, 1.25)), out)
     assert code == FILE, errors
     assert "Traceback" not in errors
     assert errors.splitlines()[-1].startswith("sprayer: ")

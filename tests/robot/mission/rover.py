@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 
+from drivers.relay.values import Channel
 from drivers.twin.aftermath import resume_from
 from drivers.twin.commands import Command
 from drivers.twin.faults import FaultPlan, parse_fault
@@ -20,6 +21,7 @@ from drivers.twin.optics import StereoOptics
 from drivers.twin.plants import grow
 from drivers.twin.scene import Scene
 from drivers.twin.truth_record import TruthRecord, read_truth
+from robot import safety
 from robot.calibration_file import load_rig
 from robot.clock import run_virtual
 from robot.config import Config
@@ -29,7 +31,7 @@ from robot.ledger.records import ShotRow, Totals
 from robot.mission import FrameSeen, State, StateEntered, TargetSkipped, Trouble
 from robot.package_files import packaged
 from robot.report.evidence import Evidence, read_evidence
-from robot.runtime import RunOptions, RunResult, ledger_path, run_robot
+from robot.runtime import ModeChanged, RunOptions, RunResult, ledger_path, run_robot
 from robot.runtime.devices import nominal_machine
 from robot.runtime.settings import load_arm, load_row
 from robot.targets import Target
@@ -66,6 +68,12 @@ class World:
             count -= event.state is state
             if count == 0:
                 return event
+
+    async def until_on(self, channel: Channel) -> None:
+        while True:
+            if self.twin.coils(self.now_s)[channel]:
+                return
+            await asyncio.sleep(0.005)
 
     async def until_valve_opens(self) -> None:
         while not self.twin.valve_open:
@@ -109,7 +117,7 @@ class Witness:
         self._log.close()
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Run:
     """A run that is over: what the robot said, what it booked, and what truly happened."""
 
@@ -119,7 +127,8 @@ class Run:
     troubles: list[Trouble]
     frames: list[FrameSeen]
     skips: list[TargetSkipped]
-    evidence: Evidence
+    modes: list[ModeChanged]
+    evidence: Evidence | None
     targets: tuple[Target, ...]
     shots: tuple[ShotRow, ...]
     totals: Totals
@@ -132,7 +141,8 @@ class Run:
     def spans(self, state: State) -> list[tuple[float, float]]:
         """When the mission was in ``state``, from and to."""
         ends = [*(entered.stamp_s for entered in self.states[1:]), self.last_s]
-        return [(e.stamp_s, end) for e, end in zip(self.states, ends, strict=True) if e.state is state and end > e.stamp_s]
+        stays = zip(self.states, ends, strict=True)
+        return [(entered.stamp_s, end) for entered, end in stays if entered.state is state and end > entered.stamp_s]
 
     def run_on(self, seconds: float = 40.0) -> Twin:
         """The machine after the program has gone: every timer runs out."""
@@ -143,6 +153,11 @@ class Run:
     def said(self) -> str:
         """All that a person could read of what went wrong."""
         return "\n".join([*(trouble.text for trouble in self.troubles), *self.result.causes])
+
+    @property
+    def latched_s(self) -> float:
+        """When the machine was first stopped."""
+        return next(item.stamp_s for item in self.modes if item.mode in (safety.Mode.SAFE_STOP, safety.Mode.ESTOP))
 
     @property
     def last_s(self) -> float:
@@ -184,7 +199,7 @@ def spray_row(
     twin.truth = witness  # type: ignore[assignment]
     oracle = Oracle(twin.renderer, twin.greenhouse.fruits)  # type: ignore[arg-type]
     bus = Bus()
-    heard = bus.subscribe(StateEntered, Trouble, FrameSeen, TargetSkipped)
+    heard = bus.subscribe(StateEntered, Trouble, FrameSeen, TargetSkipped, ModeChanged)
 
     async def life() -> RunResult:
         meddling = asyncio.ensure_future(meddler(World(twin, bus))) if meddler is not None else None
@@ -201,14 +216,16 @@ def spray_row(
     result = run_virtual(life())
     told = heard.drain()
     with LedgerReader.open_read_only(ledger_path(options.folder)) as ledger:
-        task_id = result.task_id or ledger.latest_task() or 1
+        task_id = result.task_id or ledger.latest_task()
+        evidence = None if task_id is None else read_evidence(ledger, task_id)
         return Run(
             config, result,
             [item for item in told if isinstance(item, StateEntered)],
             [item for item in told if isinstance(item, Trouble)],
             [item for item in told if isinstance(item, FrameSeen)],
             [item for item in told if isinstance(item, TargetSkipped)],
-            read_evidence(ledger), ledger.targets(task_id), ledger.shots(task_id), ledger.totals(task_id),
+            [item for item in told if isinstance(item, ModeChanged)],
+            evidence, ledger.targets(task_id), ledger.shots(task_id), ledger.totals(task_id),
             ledger.events(), len(ledger.dangling()), read_truth(folder / "truth.jsonl"), twin,
             witness.shaken,
         )  # fmt: skip
