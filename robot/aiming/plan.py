@@ -26,6 +26,7 @@ from robot.geometry import Vector
 _ANGLE_COST_S_PER_RAD = 4.0
 _CAUGHT_COST_S = 4.0
 _SHORT_COST_S = 1.5
+_AXIS_COVERED = 0.5  # another fruit reaches to the middle of the cone: more of the dose would be its than the target's
 _TIGHT_COST_S_PER_M = 20.0
 _CHECKED_AT_ONCE = 48
 _GOALS_WHEN_BLOCKED = 128
@@ -172,8 +173,12 @@ def _goals(
     pose, branch = np.nonzero(solutions.valid)
     if not pose.size:
         return Unreachable(_why_no_angles(model, nozzle, bool(solutions.in_reach.any())))
-    joints = solutions.joints_rad[pose, branch]
     caught = spray_caught_by_others(nozzle, axis, stand_off, parameters.cone_half_angle_rad, scene.fruits[:-1])
+    free = caught[pose] <= _AXIS_COVERED
+    if not free.any():
+        return Unreachable(WhyUnreachable.HIDDEN)
+    pose, branch = pose[free], branch[free]
+    joints = solutions.joints_rad[pose, branch]
     pose_cost = (
         _ANGLE_COST_S_PER_RAD * off_angle
         + _CAUGHT_COST_S * caught

@@ -18,6 +18,7 @@ class WhyUnreachable(StrEnum):
     TOO_FAR = "out of the arm's reach"
     JOINT_LIMITS = "no joint angles inside the limits"
     SELF_COLLISION = "the arm would touch itself or the rover"
+    HIDDEN = "another fruit stands in the spray's way"
     PLANT_COLLISION = "the arm would touch a plant support"
     NO_PATH = "no collision-free path to the pose"
 

@@ -209,3 +209,15 @@ def test_impossible_numbers_are_refused(model: ArmModel, rig: Rig, centre: list[
         plan(np.array(centre), 0.08, STOW_RAD, model, rig.parameters, rig.body)
     with pytest.raises(ValueError, match="joints_rad: expected 6 finite numbers"):
         plan(rig.arm(*FRUIT_M), 0.08, np.full(6, math.nan), model, rig.parameters, rig.body)
+
+
+def test_a_fruit_that_others_hide_from_every_side_is_not_aimed_at(model: ArmModel, rig: Rig) -> None:
+    """Otherwise the fruit in front would get its neighbour's dose on top of its own."""
+    target = rig.arm(*FRUIT_M)
+    toward_camera = np.array(rig.parameters.camera_m) - target
+    toward_camera /= np.linalg.norm(toward_camera)
+    one_side = replace(rig.parameters, fan_half_angle_rad=math.radians(10.0), fan_directions=9)
+    in_front = Sphere(target + 0.05 * toward_camera, 0.025)
+    found = plan(target, 0.06, READY_RAD, model, one_side, replace(rig.body, fruits=(in_front,)))
+    assert found == Unreachable(WhyUnreachable.HIDDEN)
+    assert isinstance(plan(target, 0.06, READY_RAD, model, one_side, rig.body), AimPlan)
