@@ -15,6 +15,7 @@ from robot.commands.detect import detect
 from robot.commands.report import report
 from robot.commands.run import run
 from robot.errors import FileError, SprayerError, UnavailableError, UsageError
+from robot.runtime.signals import STOPPING
 
 _FILE = FileError.exit_code
 
@@ -29,14 +30,23 @@ app.add_typer(calibrate, name="calibrate")
 def main() -> None:
     """Run a command. Errors become one line on stderr and the exit code of their kind (docs/exit-codes.md)."""
     logging.basicConfig(level=logging.WARNING, format="%(levelname)s %(name)s: %(message)s")
-    code = run_command(sys.argv[1:])
-    for number in (signal.SIGINT, signal.SIGTERM):
+    code = _exit_code(sys.argv[1:])
+    for number in STOPPING:
         signal.signal(number, signal.SIG_IGN)  # all is done: a late signal does not change the outcome
     sys.exit(code)
 
 
 def run_command(arguments: list[str]) -> int:
-    """The exit code of a command line."""
+    """The exit code of a command line, for callers in the same process: signals are handled as before afterwards."""
+    former = {number: signal.getsignal(number) for number in STOPPING}
+    try:
+        return _exit_code(arguments)
+    finally:
+        for number, handler in former.items():
+            signal.signal(number, handler)
+
+
+def _exit_code(arguments: list[str]) -> int:
     try:
         outcome = app(arguments, standalone_mode=False)
     except typer.Abort:

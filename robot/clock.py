@@ -95,8 +95,10 @@ class VirtualClockLoop(asyncio.SelectorEventLoop):
                     return events
             if -rest_s > _LONGEST_NAP_S:  # slower than the pace: go on from here, do not race to catch up
                 self._real_mark_s, self._virtual_mark_s = time.monotonic(), until_s
+        if events := wait(0):  # a signal is heard before the clock jumps, not one timer later
+            return events
         self._now_s = until_s
-        return wait(0)
+        return []
 
     async def run_work(self, function: Callable[[], T], duration_s: float) -> T:
         """Run ``function`` in a thread; its result comes exactly ``duration_s`` virtual seconds from now."""

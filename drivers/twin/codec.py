@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import types
 from collections.abc import Mapping
 from dataclasses import fields, is_dataclass
@@ -37,11 +38,16 @@ def decode(kind: type[T], data: object) -> T:
     """The dataclass ``kind`` from what ``encode`` made of it. Raises ``ValueError`` for a missing or unknown key."""
     if not isinstance(data, Mapping):
         raise ValueError(f"{kind.__name__}: expected an object, found {type(data).__name__}")  # noqa: TRY004
-    hints = get_type_hints(kind)
+    hints = _hints(kind)  # type: ignore[arg-type]  # a class is hashable
     if set(data) != set(hints):
         odd = ", ".join(sorted(set(data) ^ set(hints)))
         raise ValueError(f"{kind.__name__}: missing or unknown keys {odd}")
     return kind(**{name: _value(hint, data[name]) for name, hint in hints.items()})
+
+
+@functools.cache
+def _hints(kind: type[Any]) -> Mapping[str, Any]:
+    return get_type_hints(kind)
 
 
 def _value(hint: Any, data: Any) -> Any:

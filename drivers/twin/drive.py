@@ -115,7 +115,7 @@ class Drive:
     def _step(self, t_s: float) -> bool:
         """True when the base has come to rest."""
         wanted, brake = self._wanted, self._brake
-        if self.frozen:
+        if self.frozen and self.powered:
             wanted = (self._speed[0], self._speed[1])
         elif not self.powered or t_s - self._commanded_s > self._timeout_s:
             wanted, brake = (0.0, 0.0), True

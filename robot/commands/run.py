@@ -5,10 +5,8 @@ from __future__ import annotations
 import asyncio
 import json
 import math
-import signal
 import sys
-from collections.abc import Iterator
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack
 from dataclasses import asdict
 from pathlib import Path
 from typing import Annotated, Any
@@ -24,7 +22,7 @@ from robot.events import Bus
 from robot.ledger import LedgerReader
 from robot.mission import State
 from robot.package_files import config_file
-from robot.runtime import RunOptions, RunResult, ledger_path, run_robot
+from robot.runtime import RunOptions, RunResult, StopSignals, ledger_path, run_robot
 from robot.targets import TargetState
 
 ConfigOption = Annotated[Path, typer.Option("--config", help="Configuration file, or the name of one that came along.")]
@@ -53,25 +51,13 @@ def run(
     if start and not settings.simulated:
         _confirm(settings)
     options = RunOptions(config_file(config), out or settings.robot.run_directory, start, resume, truth)
+    signals = StopSignals().install()  # for good: a signal that comes after the robot let go cuts nothing
     with ExitStack() as stack:
         file = None if summary is None else stack.enter_context(atomic_file(summary))  # refused before anything moves
-        result = run_with_view(settings, options, speed)
-        with undisturbed():
-            if file is not None:
-                file.write(json.dumps(describe(result, options.folder), indent=2).encode("utf-8") + b"\n")
-            stack.close()  # here the summary appears
+        result = run_with_view(settings, options, speed, signals)
+        if file is not None:
+            file.write(json.dumps(describe(result, options.folder), indent=2).encode("utf-8") + b"\n")
     return 0 if result.state is State.DONE or not start or _stopped_by_signal(result) else 1
-
-
-@contextmanager
-def undisturbed() -> Iterator[None]:
-    """The robot has let go; a late signal does not cut what is left to write."""
-    before = {number: signal.signal(number, signal.SIG_IGN) for number in (signal.SIGINT, signal.SIGTERM)}
-    try:
-        yield
-    finally:
-        for number, handler in before.items():
-            signal.signal(number, handler)
 
 
 def load_with_seed(path: Path, seed: int | None) -> Config:
@@ -82,7 +68,9 @@ def load_with_seed(path: Path, seed: int | None) -> Config:
     return config.model_copy(update={"twin": config.twin.model_copy(update={"seed": seed})})
 
 
-def run_with_view(config: Config, options: RunOptions, speed: float) -> RunResult:
+def run_with_view(
+    config: Config, options: RunOptions, speed: float, signals: StopSignals | None = None
+) -> RunResult:
     """Run the robot with live progress on the terminal: simulated back ends in virtual time, others in real time."""
     if math.isnan(speed):
         raise UsageError("--speed nan: expected simulated seconds a second; give a number, or 0 for as fast as can be")
@@ -90,7 +78,7 @@ def run_with_view(config: Config, options: RunOptions, speed: float) -> RunResul
     async def life() -> RunResult:
         bus = Bus()
         async with LiveView(bus):
-            return await run_robot(config, options, bus)
+            return await run_robot(config, options, bus, signals=signals)
 
     try:
         if config.simulated:

@@ -9,5 +9,15 @@ from robot.runtime.lifecycle import (
     ledger_path,
     run_robot,
 )
+from robot.runtime.signals import StopSignals
 
-__all__ = ["ModeChanged", "RunBegan", "RunOptions", "RunResult", "frames_folder", "ledger_path", "run_robot"]
+__all__ = [
+    "ModeChanged",
+    "RunBegan",
+    "RunOptions",
+    "RunResult",
+    "StopSignals",
+    "frames_folder",
+    "ledger_path",
+    "run_robot",
+]

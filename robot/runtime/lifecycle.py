@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import asyncio
-import signal
 import uuid
 from contextlib import AsyncExitStack
 from dataclasses import dataclass
@@ -26,6 +25,7 @@ from robot.runtime.mode_log import ModeLog
 from robot.runtime.recorder import FrameRecorder
 from robot.runtime.resuming import check_resumable, given_by_target_ml, task_to_resume
 from robot.runtime.settings import hand_settings, limits, load_arm, load_camera, load_row, mission_settings, task
+from robot.runtime.signals import StopSignals
 from robot.safety.failsafe import Action, action_for
 from robot.supervision import Supervisor
 from robot.targets import book_of
@@ -88,12 +88,13 @@ def frames_folder(folder: Path) -> Path:
 
 
 async def run_robot(
-    config: Config, options: RunOptions, bus: Bus, *, detector: Detector | None = None, twin: Twin | None = None
-) -> RunResult:
+    config: Config, options: RunOptions, bus: Bus, *, detector: Detector | None = None, twin: Twin | None = None,
+    signals: StopSignals | None = None,
+) -> RunResult:  # fmt: skip
     """One life of the robot, from boot to shutdown. SIGINT and SIGTERM end it clean.
 
     ``detector`` and ``twin`` (the simulated machine, which is closed at the end) stand in for those that the
-    configuration would have made.
+    configuration would have made. ``signals`` hears SIGINT and SIGTERM already, and goes on after the run.
     Raises ``SprayerError`` for what keeps it from coming up; a mission that was stopped is a result, not an error.
     """
     arm_model, urdf_text = load_arm(config, options.config_path)
@@ -107,6 +108,7 @@ async def run_robot(
     loop = asyncio.get_running_loop()
     began_s = loop.time()
     async with AsyncExitStack() as stack:
+        signals = signals or stack.enter_context(StopSignals())
         _make_folder(options.folder)
         ledger = stack.enter_context(Ledger.open(ledger_path(options.folder)))
         if options.resume:
@@ -127,7 +129,8 @@ async def run_robot(
         detector = detector or make_detector(config.vision.detector)
         ledger.begin_run(uuid.uuid4().hex, datetime.now(UTC))
         dangling = ledger.book_dangling(datetime.now(UTC))
-        robot = _Robot(config, options, bus, ledger, devices, mission_settings(config, row, arm_model))
+        settings = mission_settings(config, row, arm_model)
+        robot = _Robot(config, options, bus, ledger, devices, settings, signals)
         task_id = robot.open_task(todays_task) if options.start else None
         context = robot.context(task_id, detector, rig)
         bus.publish(RunBegan(task_id, dangling, not options.start, len(row.stops)))
@@ -147,8 +150,9 @@ class _Robot:
     """The parts of one life, and the tasks that keep them alive."""
 
     def __init__(
-        self, config: Config, options: RunOptions, bus: Bus, ledger: Ledger, devices: Devices, settings: MissionSettings
-    ) -> None:
+        self, config: Config, options: RunOptions, bus: Bus, ledger: Ledger, devices: Devices,
+        settings: MissionSettings, signals: StopSignals,
+    ) -> None:  # fmt: skip
         self._options, self._bus, self._ledger, self._devices = options, bus, ledger, devices
         self._settings = settings
         self._lamp = config.camera.lamp == "on"
@@ -156,8 +160,7 @@ class _Robot:
         self._modes = ModeLog(ledger)
         self._progress = Progress()
         self._checkpoint: Checkpoint | None = None
-        self._signalled = asyncio.Event()
-        self._signal_name = ""
+        self._signals = signals
         self.localiser = Localiser(settings.track_m, settings.datum, settings.fix_rules)
         self.actuation = Actuation(
             devices.arm, devices.relay, devices.wheels, devices.inputs, ledger, limits(config), hand_settings(config),
@@ -189,9 +192,6 @@ class _Robot:
 
     async def live(self, context: MissionContext | None) -> State:
         """Poll, supervise, run the mission when there is one, and wait for a signal when there is none."""
-        loop = asyncio.get_running_loop()
-        for number in (signal.SIGINT, signal.SIGTERM):
-            loop.add_signal_handler(number, self._on_signal, number.name)
         recorder = FrameRecorder(self._bus, frames_folder(self._options.folder))
         state = State.IDLE
         try:
@@ -237,7 +237,10 @@ class _Robot:
 
     async def _work(self, group: asyncio.TaskGroup, context: MissionContext | None) -> State:
         if context is None:
-            await self._signalled.wait()
+            await self._signals.wait()
+            return State.IDLE
+        if self._signals.name:
+            await self.actuation.stop(f"stopped by {self._signals.name}")
             return State.IDLE
         self._place()
         await self.actuation.energise(self._lamp)
@@ -248,11 +251,11 @@ class _Robot:
                 raise UnavailableError(f"cannot {verb}: {'; '.join(reasons)}")
         self._mission = Mission(context)
         running = group.create_task(self._mission.run(), name="mission")
-        signalled = group.create_task(self._signalled.wait(), name="signals")
+        signalled = group.create_task(self._signals.wait(), name="signals")
         await asyncio.wait((running, signalled), return_when=asyncio.FIRST_COMPLETED)
         signalled.cancel()
         if not running.done():
-            await self.actuation.stop(f"stopped by {self._signal_name}")
+            await self.actuation.stop(f"stopped by {self._signals.name}")
         state = await running
         if state is State.DONE:
             self.actuation.change_mode(safety.Verb.FINISH, "the row is done")
@@ -308,7 +311,3 @@ class _Robot:
 
     def _trouble(self, text: str) -> None:
         self._bus.publish(Trouble(text, asyncio.get_running_loop().time()))
-
-    def _on_signal(self, name: str) -> None:
-        self._signal_name = name
-        self._signalled.set()

@@ -173,6 +173,18 @@ def test_a_value_of_the_environment_overrides_the_file(
     assert max(delivered.ml for delivered in modest.truth.delivered) < 3.5
 
 
+def test_a_signal_while_the_machine_comes_up_ends_it_clean(tmp_path: Path) -> None:
+    process = begin(short_row(tmp_path, STOPS_M[:1]), tmp_path, "--start", "--speed", "1")
+    wait_for_line(process, tmp_path / "truth.jsonl", '"kind":"world"')
+    process.send_signal(signal.SIGTERM)
+    code, errors = finish(process)
+    assert code == 0, errors
+    assert "stopped by SIGTERM" in errors
+    after = run_on(tmp_path / "truth.jsonl")
+    assert after.total_ml == 0.0
+    assert not any(after.coils.values())
+
+
 def test_a_signal_that_comes_when_the_row_is_done_does_not_change_the_outcome(tmp_path: Path) -> None:
     summary = tmp_path / "summary.json"
     process = begin(short_row(tmp_path, STOPS_M[:1]), tmp_path, "--start", "--summary", str(summary), "--speed", "0")

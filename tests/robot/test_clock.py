@@ -1,4 +1,6 @@
 import asyncio
+import os
+import signal
 import time
 
 import pytest
@@ -105,3 +107,16 @@ def test_a_timer_never_runs_early_however_near_it_is():
         return loop.time() - due_s
 
     assert run_virtual(main()) >= 0.0
+
+
+def test_a_signal_is_heard_before_the_clock_jumps():
+    async def main() -> float:
+        loop = asyncio.get_running_loop()
+        heard: list[float] = []
+        loop.add_signal_handler(signal.SIGUSR1, lambda: heard.append(loop.time()))
+        await asyncio.sleep(1.0)
+        os.kill(os.getpid(), signal.SIGUSR1)
+        await asyncio.sleep(5.0)
+        return heard[0]
+
+    assert run_virtual(main()) == 1.0
