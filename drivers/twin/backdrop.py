@@ -8,7 +8,7 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from drivers.twin.canvas import GRID_PX, Picture, Rays
+from drivers.twin.canvas import GRID_PX, Floats, Picture, Rays
 from drivers.twin.illumination import Illumination
 from drivers.twin.leaf_pictures import PAIRS, TERMINALS, leaf_picture
 
@@ -52,31 +52,34 @@ class Backdrop:
         width, height = rays.width, rays.height
         columns, rows = rays.grid.shape[1::-1]
         rotation = eye_from_row[:3, :3]
-        directions = rays.grid.reshape(-1, 3) @ rotation
+        directions = rotation.T @ rays.grid.reshape(-1, 3).T
         origin = -rotation.T @ eye_from_row[:3, 3]
-        maps = self._places(origin, directions).reshape(rows, columns, 2).astype(np.float32)
+        maps = self._places(origin, directions).reshape(rows, columns, 2)
         factor = GRID_PX // 2
         fine = cv2.resize(maps, (columns * factor, rows * factor), interpolation=cv2.INTER_LINEAR)
         fine = fine[factor : factor + (height + 1) // 2, factor : factor + (width + 1) // 2]
-        half = cv2.remap(lit, fine[..., 0].copy(), fine[..., 1].copy(), cv2.INTER_NEAREST, borderMode=cv2.BORDER_WRAP)
+        x, y = cv2.split(fine)
+        half = cv2.remap(lit, x, y, cv2.INTER_NEAREST, borderMode=cv2.BORDER_WRAP)
         return np.asarray(cv2.resize(half, (width, height), interpolation=cv2.INTER_LINEAR), dtype=np.uint8)
 
-    def _places(self, origin: Array, directions: Array) -> Array:
-        """(n, 2) columns and rows of the picture that rays meet."""
+    def _places(self, origin: Array, directions: Array) -> Floats:
+        """(n, 2) columns and rows of the picture that rays (3, n) meet."""
         with np.errstate(divide="ignore", invalid="ignore"):
-            to_wall = (self._wall_y_m - origin[1]) / directions[:, 1]
-            to_soil = -origin[2] / directions[:, 2]
-        to_wall = np.where(to_wall > 0.0, to_wall, _FARTHEST_M)
-        to_soil = np.where(to_soil > 0.0, to_soil, _FARTHEST_M)
+            to_wall = (self._wall_y_m - origin[1]) / directions[1]
+            to_soil = -origin[2] / directions[2]
+        to_wall[~(to_wall > 0.0)] = _FARTHEST_M
+        to_soil[~(to_soil > 0.0)] = _FARTHEST_M
         reach = np.minimum(np.minimum(to_wall, to_soil), _FARTHEST_M)
-        points = origin + reach[:, None] * directions
         turn = math.floor(origin[0] / PERIOD_M) * PERIOD_M
-        short_of_wall = np.maximum(abs(self._wall_y_m) - math.copysign(1.0, self._wall_y_m) * points[:, 1], 0.0)
-        down = np.where(to_soil < to_wall, WALL_M + short_of_wall, WALL_M - points[:, 2])
+        along_m = origin[0] - turn + reach * directions[0]
+        away_m = math.copysign(1.0, self._wall_y_m) * (origin[1] + reach * directions[1])
+        short_of_wall = np.maximum(abs(self._wall_y_m) - away_m, 0.0)
+        down_m = WALL_M + np.where(to_soil < to_wall, short_of_wall, -origin[2] - reach * directions[2])
         last = self._wall_rows + self._soil_rows - 2
-        return np.column_stack(
-            [(points[:, 0] - turn) * PX_PER_M - 0.5, np.clip(down * PX_PER_M - 0.5, 0.0, last)]
-        )
+        out = np.empty((len(reach), 2), np.float32)
+        out[:, 0] = along_m * PX_PER_M - 0.5
+        out[:, 1] = np.minimum(np.maximum(down_m * PX_PER_M - 0.5, 0.0), last)
+        return out
 
 
 def _mottle(shape: tuple[int, int], cell_px: float, rng: np.random.Generator) -> Array:

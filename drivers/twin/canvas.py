@@ -106,7 +106,9 @@ def _lagrange(length: int, count: int) -> Floats:
 
 
 def _spread(values: Array, rows: Floats, columns: Floats) -> Floats:
-    return np.asarray(np.matmul(np.matmul(rows, values.astype(np.float32)), columns.T))
+    half = np.matmul(rows, values.astype(np.float32))
+    flat = half.reshape(-1, half.shape[-1]) @ columns.T
+    return np.asarray(flat.reshape(*half.shape[:-1], len(columns)))
 
 
 class Canvas:
@@ -121,10 +123,11 @@ class Canvas:
         self.inverse_depth: Floats = np.zeros(backdrop.shape[:2], np.float32)
 
     def put(self, box: Box, colour: Picture, inverse_depth: Floats) -> None:
-        """Paint ``colour`` (h, w, 4) where its last channel is above ``SLOTS`` and nothing nearer was painted."""
+        """Paint ``colour`` (h, w, 4) where its last channel is 255, not 0, and nothing nearer was painted."""
         x0, y0, x1, y1 = box
         behind = self.inverse_depth[y0:y1, x0:x1]
-        shown = ((cv2.extractChannel(colour, 3) > SLOTS) & (inverse_depth > behind)).view(np.uint8)
+        nearer = cv2.compare(inverse_depth, behind, cv2.CMP_GT)
+        shown = cv2.bitwise_and(nearer, cv2.extractChannel(colour, 3))
         cv2.copyTo(colour, shown, self.picture[y0:y1, x0:x1])
         cv2.copyTo(inverse_depth, shown, behind)
 

@@ -60,48 +60,60 @@ class CapsuleSet:
             np.array([capsule.colour[::-1] for capsule in capsules], dtype=np.float64).reshape(-1, 3),
         )
 
-    def views(self, rays: Rays, eye_from_row: Array, lamp_m: Array, light: Illumination) -> list[CapsuleView]:
-        """The capsules an eye may see, lit; parts nearer than 6 cm are cut off."""
-        rotation, shift = eye_from_row[:3, :3], eye_from_row[:3, 3]
-        first, last = self.p0_m @ rotation.T + shift, self.p1_m @ rotation.T + shift
-        reach = 0.5 * np.linalg.norm(last - first, axis=1) + self.radius_m
-        possible = rays.may_see(0.5 * (first + last), reach)
-        ahead = np.flatnonzero(possible & (np.maximum(first[:, 2], last[:, 2]) > _NEAREST_M))
-        if len(ahead) == 0:
-            return []
-        first, last, radius = first[ahead], last[ahead], self.radius_m[ahead, None]
-        first, last = _cut(first, last), _cut(last, first)
-        depths = np.column_stack([first[:, 2], last[:, 2]])
-        points = np.stack([first[:, :2] / first[:, 2:], last[:, :2] / last[:, 2:]], axis=1)
-        ends = rays.eye.pixels(points.reshape(-1, 2)).reshape(-1, 2, 2)
-        radii = rays.eye.K[0, 0] * radius / depths
-        boxes = rays.boxes((ends - radii[..., None]).min(axis=1), (ends + radii[..., None]).max(axis=1))
+    def views(
+        self, eyes: Sequence[Rays], eyes_from_row: Sequence[Array], lamp_m: Array, light: Illumination
+    ) -> list[list[CapsuleView]]:
+        """By eye, the capsules that it may see, lit."""
+        views: list[list[CapsuleView]] = [[] for _ in eyes]
+        if len(self.radius_m) == 0:
+            return views
+        before = [self._before(rays, eye_from_row) for rays, eye_from_row in zip(eyes, eyes_from_row, strict=True)]
+        chosen, depths, ends, radii = (np.concatenate(parts) for parts in zip(*before, strict=True))
+        eye = np.repeat(np.arange(len(eyes)), [len(some) for some, _, _, _ in before])
+        boxes = eyes[0].boxes((ends - radii[..., None]).min(axis=1), (ends + radii[..., None]).max(axis=1))
         seen = np.flatnonzero((boxes[:, 0] < boxes[:, 2]) & (boxes[:, 1] < boxes[:, 3]))
-        ends, radii, boxes, depths = ends[seen], radii[seen], boxes[seen], depths[seen]
+        chosen, ends, radii, boxes, depths = chosen[seen], ends[seen], radii[seen], boxes[seen], depths[seen]
         along = ends[:, 1] - ends[:, 0]
         length = np.maximum(np.linalg.norm(along, axis=1, keepdims=True), 1e-6)
         unit = along / length
         unit[length[:, 0] <= 1e-6] = [1.0, 0.0]
         across = np.column_stack([-unit[:, 1], unit[:, 0]])
-        sun = rotation @ light.sun_direction
-        lit_side = np.where(across @ sun[:2] >= 0.0, 1.0, -1.0)
+        suns = np.array([(pose[:3, :3] @ light.sun_direction)[:2] for pose in eyes_from_row])[eye[seen]]
+        lit_side = np.where(np.einsum("ni,ni->n", across, suns) >= 0.0, 1.0, -1.0)
         polygons = _polygons(ends - boxes[:, None, :2], radii, unit, across, lit_side)
-        colours = self._colours(ahead[seen], lamp_m, light)
-        inverse = (1.0 / np.maximum(depths - 0.8 * radius[seen], 0.02)).tolist()
+        colours = self._colours(chosen, lamp_m, light)
+        inverse = (1.0 / np.maximum(depths - 0.8 * self.radius_m[chosen, None], 0.02)).tolist()
         thin = (radii.max(axis=1) < _THIN_PX).tolist()
         ramp = np.column_stack([unit / length, -np.einsum("ni,ni->n", ends[:, 0], unit) / length[:, 0]])
-        return [
-            CapsuleView(
-                depth_m=depth,
-                box=(box[0], box[1], box[2], box[3]),
-                strips=polygons[k],
-                colours=colours[k],
-                ramp=ramp[k],
-                inverse_depths=(inverse[k][0], inverse[k][1]),
-                thin=thin[k],
+        owners, middles = eye[seen].tolist(), depths.mean(axis=1).tolist()
+        for k, box in enumerate(boxes.tolist()):
+            views[owners[k]].append(
+                CapsuleView(
+                    depth_m=middles[k],
+                    box=(box[0], box[1], box[2], box[3]),
+                    strips=polygons[k],
+                    colours=colours[k],
+                    ramp=ramp[k],
+                    inverse_depths=(inverse[k][0], inverse[k][1]),
+                    thin=thin[k],
+                )
             )
-            for k, (depth, box) in enumerate(zip(depths.mean(axis=1).tolist(), boxes.tolist(), strict=True))
-        ]
+        return views
+
+    def _before(self, rays: Rays, eye_from_row: Array) -> tuple[npt.NDArray[np.int64], Array, Array, Array]:
+        """The (n,) capsules that may be in the image; of both ends the depths (n, 2), pixels (n, 2, 2) and radii in
+        pixels (n, 2)."""
+        rotation, shift = eye_from_row[:3, :3], eye_from_row[:3, 3]
+        first, last = self.p0_m @ rotation.T + shift, self.p1_m @ rotation.T + shift
+        reach = 0.5 * np.linalg.norm(last - first, axis=1) + self.radius_m
+        possible = rays.may_see(0.5 * (first + last), reach)
+        ahead = np.flatnonzero(possible & (np.maximum(first[:, 2], last[:, 2]) > _NEAREST_M))
+        first, last = first[ahead], last[ahead]
+        first, last = _cut(first, last), _cut(last, first)
+        depths = np.column_stack([first[:, 2], last[:, 2]])
+        points = np.stack([first[:, :2] / first[:, 2:], last[:, :2] / last[:, 2:]], axis=1)
+        ends = rays.eye.pixels(points.reshape(-1, 2)).reshape(-1, 2, 2)
+        return ahead, depths, ends, rays.eye.K[0, 0] * self.radius_m[ahead, None] / depths
 
     def _colours(self, chosen: npt.NDArray[np.int64], lamp_m: Array, light: Illumination) -> list[list[list[int]]]:
         """(n, s, 3) codes of the strips: a thin round body shows every normal across itself."""
@@ -151,6 +163,9 @@ def draw_capsule(canvas: Canvas, view: CapsuleView) -> None:
     for polygon, code in zip(view.strips, view.colours, strict=True):
         cv2.fillConvexPoly(colour, polygon, (*code, 255), cv2.LINE_8, _SHIFT)
     a, b, c = view.ramp
-    share = (np.arange(x0, x1) * a)[None, :] + (np.arange(y0, y1) * b + c)[:, None]
-    inverse = first + (last - first) * np.clip(share, 0.0, 1.0)
-    canvas.put(view.box, colour, inverse.astype(np.float32))
+    share = np.add.outer((np.arange(y0, y1) * b + c).astype(np.float32), (np.arange(x0, x1) * a).astype(np.float32))
+    np.maximum(share, np.float32(0.0), out=share)
+    np.minimum(share, np.float32(1.0), out=share)
+    share *= np.float32(last - first)
+    share += np.float32(first)
+    canvas.put(view.box, colour, share)

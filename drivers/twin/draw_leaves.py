@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import cv2
 import numpy as np
 import numpy.typing as npt
 
-from drivers.twin.canvas import Box, Canvas, Picture, Rays
+from drivers.twin.canvas import Box, Canvas, Floats, Picture, Rays
 from drivers.twin.illumination import Illumination
 from drivers.twin.leaf_pictures import LEVELS, leaf_extents, leaf_picture
 from drivers.twin.solids import Leaves
@@ -16,7 +17,7 @@ from drivers.twin.solids import Leaves
 Array = npt.NDArray[np.float64]
 
 _CODES = np.arange(256, dtype=np.float32)[:, None]
-_COUNT = np.arange(8192, dtype=np.float32)
+_SOLID = np.where(np.arange(256) > 127, 255, 0)  # coverage of one half and more
 _THROUGH = np.array([0.10, 0.42, 0.22])  # of the light from behind, BGR, over the reflectance's share
 _NEAREST_M = 0.08
 _EDGE_ON_PX2 = 4.0
@@ -27,7 +28,7 @@ _SHARPNESS = 0.6  # least picture pixels per image pixel
 @dataclass(frozen=True, slots=True, eq=False)
 class LeafView:
     """One leaf before one eye, with its front (``face`` 0) or back: ``onto`` (3, 3) takes its picture of ``level``
-    pixels a side into its box, ``plane`` (3,) gives 1/z from u, v in the box and 1; for ``lamp_power`` (3,) see
+    pixels a side into its box, where 1/z is ``along_u`` (w,) plus ``along_v`` (h,); for ``lamp_power`` (3,) see
     ``LitLeaves``."""
 
     leaf: int
@@ -35,7 +36,8 @@ class LeafView:
     depth_m: float
     box: Box
     onto: Array
-    plane: npt.NDArray[np.float32]
+    along_u: Floats
+    along_v: Floats
     texture: int
     level: int
     lamp_power: Array | None
@@ -67,7 +69,7 @@ class LitLeaves:
         return np.asarray(self._light.gain(self._light.lamp_at(distance) * facing[:, None] * self._tint[chosen]) ** 2)
 
     def picture(self, view: LeafView) -> Picture:
-        """The leaf's picture in codes of radiance; kept while no lamp moves with the camera."""
+        """Its picture in codes of radiance, the last channel 255 or 0; kept while no lamp moves with the camera."""
         if view.lamp_power is not None:
             return self._coloured(view)
         key = (view.leaf, view.face, view.level)
@@ -83,7 +85,7 @@ class LitLeaves:
         gain = np.sqrt(power if view.lamp_power is None else power + view.lamp_power).astype(np.float32)
         table = np.empty((256, 1, 4), np.uint8)
         table[:, 0, :3] = np.minimum(_CODES * gain + np.float32(0.5), np.float32(255.0))
-        table[:, 0, 3] = np.arange(256)
+        table[:, 0, 3] = _SOLID
         return np.asarray(cv2.LUT(leaf_picture(view.texture, view.level), table), dtype=np.uint8)
 
 
@@ -100,8 +102,59 @@ class LeafSet:
     def of(cls, leaves: Leaves) -> LeafSet:
         return cls(leaves, leaves.centre_m, leaves.reach_m, leaves.normal)
 
-    def views(self, rays: Rays, eye_from_row: Array, lamp_m: Array, lit: LitLeaves) -> list[LeafView]:
-        """The leaves that an eye may see."""
+    def views(
+        self, eyes: Sequence[Rays], eyes_from_row: Sequence[Array], lamp_m: Array, lit: LitLeaves
+    ) -> list[list[LeafView]]:
+        """By eye, the leaves that it may see."""
+        before = [self._before(rays, eye_from_row) for rays, eye_from_row in zip(eyes, eyes_from_row, strict=True)]
+        chosen = np.concatenate([some for some, _, _ in before])
+        quads: Array = np.concatenate([some for _, some, _ in before])
+        pixels: Array = np.concatenate([some for _, _, some in before])
+        eye = np.repeat(np.arange(len(eyes)), [len(some) for some, _, _ in before])
+        low, high = _covered(pixels, leaf_extents()[self.leaves.texture[chosen]])
+        boxes = eyes[0].boxes(low, high, 1.5)
+        du, dv = pixels[:, 1] - pixels[:, 0], pixels[:, 3] - pixels[:, 0]
+        broad = np.abs(du[:, 0] * dv[:, 1] - du[:, 1] * dv[:, 0]) > _EDGE_ON_PX2
+        seen = np.flatnonzero((boxes[:, 0] < boxes[:, 2]) & (boxes[:, 1] < boxes[:, 3]) & broad)
+        views: list[list[LeafView]] = [[] for _ in eyes]
+        if len(seen) == 0:
+            return views
+        chosen, quads, pixels, boxes, eye = chosen[seen], quads[seen], pixels[seen], boxes[seen], eye[seen]
+        inside = pixels - boxes[:, None, :2]
+        # 1/z of a plane is linear in the image: three corners tell it
+        corners = np.concatenate([inside[:, [0, 1, 3]], np.ones((len(seen), 3, 1))], axis=2)
+        planes = np.linalg.solve(corners, 1.0 / quads[:, [0, 1, 3], 2, None])
+        along_u = np.asarray(planes[:, 0] * np.arange(eyes[0].width) + planes[:, 2], dtype=np.float32)
+        along_v = np.asarray(planes[:, 1] * np.arange(eyes[0].height), dtype=np.float32)
+        extents = np.ptp(pixels, axis=1).max(axis=1)
+        levels = np.array(LEVELS)[np.searchsorted(-np.array(LEVELS), -_SHARPNESS * extents, side="right") - 1]
+        onto = _homographies(inside, levels)
+        eyes_m = np.array([-pose[:3, :3].T @ pose[:3, 3] for pose in eyes_from_row])
+        normal, centre = self.normal[chosen], self.centre_m[chosen]
+        faces = (np.einsum("ni,ni->n", normal, eyes_m[eye] - centre) < 0.0).astype(np.int64).tolist()
+        lamp = lit.lamp_power(chosen, lamp_m - centre, normal)
+        depths = quads[..., 2].mean(axis=1).tolist()
+        names, textures, sizes = chosen.tolist(), self.leaves.texture[chosen].tolist(), levels.tolist()
+        owners, boxes_px = eye.tolist(), boxes.tolist()
+        for k, (x0, y0, x1, y1) in enumerate(boxes_px):
+            views[owners[k]].append(
+                LeafView(
+                    leaf=names[k],
+                    face=faces[k],
+                    depth_m=depths[k],
+                    box=(x0, y0, x1, y1),
+                    onto=onto[k],
+                    along_u=along_u[k, : x1 - x0],
+                    along_v=along_v[k, : y1 - y0],
+                    texture=textures[k],
+                    level=sizes[k],
+                    lamp_power=None if lamp is None else lamp[k],
+                )
+            )
+        return views
+
+    def _before(self, rays: Rays, eye_from_row: Array) -> tuple[npt.NDArray[np.int64], Array, Array]:
+        """The (n,) leaves that may be in the image, their corners (n, 4, 3) in the eye's frame and pixels (n, 4, 2)."""
         rotation, shift = eye_from_row[:3, :3], eye_from_row[:3, 3]
         near = np.flatnonzero(rays.may_see(self.centre_m @ rotation.T + shift, self.reach_m))
         corner = self.leaves.corner_m[near] @ rotation.T + shift
@@ -110,42 +163,7 @@ class LeafSet:
         ahead = np.flatnonzero(quads[..., 2].min(axis=1) > _NEAREST_M)
         quads = quads[ahead]
         pixels = rays.eye.pixels((quads[..., :2] / quads[..., 2:]).reshape(-1, 2)).reshape(-1, 4, 2)
-        low, high = _covered(pixels, leaf_extents()[self.leaves.texture[near[ahead]]])
-        boxes = rays.boxes(low, high, 1.5)
-        du, dv = pixels[:, 1] - pixels[:, 0], pixels[:, 3] - pixels[:, 0]
-        broad = np.abs(du[:, 0] * dv[:, 1] - du[:, 1] * dv[:, 0]) > _EDGE_ON_PX2
-        seen = np.flatnonzero((boxes[:, 0] < boxes[:, 2]) & (boxes[:, 1] < boxes[:, 3]) & broad)
-        if len(seen) == 0:
-            return []
-        chosen = near[ahead[seen]]
-        quads, boxes = quads[seen], boxes[seen]
-        inside = pixels[seen] - boxes[:, None, :2]
-        # 1/z of a plane is linear in the image: three corners tell it
-        corners = np.concatenate([inside[:, [0, 1, 3]], np.ones((len(seen), 3, 1))], axis=2)
-        planes = np.linalg.solve(corners, 1.0 / quads[:, [0, 1, 3], 2, None])[..., 0].astype(np.float32)
-        extents = np.ptp(pixels[seen], axis=1).max(axis=1)
-        levels = np.array(LEVELS)[np.searchsorted(-np.array(LEVELS), -_SHARPNESS * extents, side="right") - 1]
-        onto = _homographies(inside, levels)
-        eye_m = -rotation.T @ shift
-        normal, centre = self.normal[chosen], self.centre_m[chosen]
-        faces = (np.einsum("ni,ni->n", normal, eye_m - centre) < 0.0).astype(np.int64).tolist()
-        lamp = lit.lamp_power(chosen, lamp_m - centre, normal)
-        depths = quads[..., 2].mean(axis=1).tolist()
-        names, textures, sizes = chosen.tolist(), self.leaves.texture[chosen].tolist(), levels.tolist()
-        return [
-            LeafView(
-                leaf=names[k],
-                face=faces[k],
-                depth_m=depths[k],
-                box=(box[0], box[1], box[2], box[3]),
-                onto=onto[k],
-                plane=planes[k],
-                texture=textures[k],
-                level=sizes[k],
-                lamp_power=None if lamp is None else lamp[k],
-            )
-            for k, box in enumerate(boxes.tolist())
-        ]
+        return near[ahead], quads, pixels
 
 
 def _covered(corners: Array, extents: Array) -> tuple[Array, Array]:
@@ -179,6 +197,5 @@ def _homographies(corners: Array, sizes: npt.NDArray[np.int64]) -> Array:
 def draw_leaf(canvas: Canvas, lit: LitLeaves, view: LeafView) -> None:
     x0, y0, x1, y1 = view.box
     warped = cv2.warpPerspective(lit.picture(view), view.onto, (x1 - x0, y1 - y0), flags=cv2.INTER_NEAREST)
-    a, b, c = view.plane
-    inverse_depth = (a * _COUNT[: x1 - x0] + c) + (b * _COUNT[: y1 - y0])[:, None]
+    inverse_depth = view.along_u + view.along_v[:, None]
     canvas.put(view.box, np.asarray(warped, dtype=np.uint8), inverse_depth)

@@ -1,4 +1,4 @@
-"""The colours of fruit in their light: all the fruit before an eye at once."""
+"""The colours of fruit in their light: all the fruit before the eyes at once."""
 
 from __future__ import annotations
 
@@ -54,17 +54,19 @@ def shade_fruits(
     rays: Floats,
     centre: Array,
     shape: Array,
-    eye_from_row: Array,
+    eyes_from_row: Array,
     lamp_m: Array,
     light: Illumination,
     sun: Sunlight,
 ) -> Picture:
     """(m, g, g, 4) codes over the boxes of the chosen fruit, the last channel 0.
 
-    ``rays`` (m, 2, g, g) over the boxes, ``centre`` (m, 3) and ``shape`` (m, 3, 3) in the eye's frame. Lambert's law
-    for sun, sky and lamp, a highlight, shadows of leaves and of touching fruit, the calyx and the shoulder's colour.
+    ``rays`` (m, 2, g, g) over the boxes, ``centre`` (m, 3) and ``shape`` (m, 3, 3) in the frame of the eye of each,
+    ``eyes_from_row`` (m, 4, 4). Lambert's law for sun, sky and lamp, a highlight, shadows of leaves and of touching
+    fruit, the calyx and the shoulder's colour.
     """
-    rotation = eye_from_row[:3, :3]
+    rotation = eyes_from_row[:, :3, :3]
+    back = rotation.transpose(0, 2, 1)
     count, _, grid, _ = rays.shape
     ray = np.ones((count, 3, grid * grid), np.float32)
     ray[:, :2] = rays.reshape(count, 2, -1)
@@ -78,16 +80,16 @@ def shade_fruits(
     normal /= np.sqrt(np.einsum("mip,mip->mp", normal, normal))[:, None]
     axes = np.concatenate(
         [
-            skins.frame[chosen] @ rotation.T,
-            np.broadcast_to(np.stack([sun.right, sun.up]) @ rotation.T, (count, 2, 3)),
+            skins.frame[chosen] @ back,
+            np.stack([sun.right, sun.up]) @ back,
         ],
         axis=1,
     )
     place = (axes.astype(np.float32) @ ray) * depth - (axes @ centre[..., None]).astype(np.float32)
     place /= skins.radius_m[chosen].astype(np.float32)[:, None, None]
-    looks, lamp_gain = _looks(centre, eye_from_row, lamp_m, light)
+    looks, lamp_gain = _looks(centre, eyes_from_row, lamp_m, light)
     up, to_sun, shine_sun, to_lamp, shine_lamp, *near = np.moveaxis(
-        np.concatenate([looks, (skins.neighbours[chosen] @ rotation.T).astype(np.float32)], axis=1) @ normal, 1, 0
+        np.concatenate([looks, (skins.neighbours[chosen] @ back).astype(np.float32)], axis=1) @ normal, 1, 0
     )
     lit = _sunlit(sun.fruits[chosen], place[:, 3], place[:, 4]) * np.maximum(to_sun, 0.0)
     shade = np.ones_like(lit)
@@ -126,18 +128,18 @@ def _sunlit(maps: Floats, right: Floats, up: Floats) -> Floats:
     return np.asarray(cv2.remap(maps.reshape(count * GRID, GRID), u, v, cv2.INTER_LINEAR), dtype=np.float32)
 
 
-def _looks(centre: Array, eye_from_row: Array, lamp_m: Array, light: Illumination) -> tuple[Floats, Array]:
+def _looks(centre: Array, eyes_from_row: Array, lamp_m: Array, light: Illumination) -> tuple[Floats, Array]:
     """(m, 5, 3) unit vectors up, to sun, halfway eye and sun, to lamp, halfway eye and lamp; (m,) (0.6 m / d)2."""
-    rotation = eye_from_row[:3, :3]
+    rotation = eyes_from_row[:, :3, :3]
     to_eye = _unit(-centre)
-    to_lamp = rotation @ lamp_m + eye_from_row[:3, 3] - centre
+    to_lamp = rotation @ lamp_m + eyes_from_row[:, :3, 3] - centre
     gain = LAMP_REFERENCE_M**2 / np.einsum("ni,ni->n", to_lamp, to_lamp)
     to_lamp = _unit(to_lamp)
     sun = rotation @ light.sun_direction
     looks = np.stack(
         [
-            np.broadcast_to(rotation[:, 2], centre.shape),
-            np.broadcast_to(sun, centre.shape),
+            rotation[:, :, 2],
+            sun,
             _unit(to_eye + sun),
             to_lamp,
             _unit(to_eye + to_lamp),

@@ -11,10 +11,10 @@ import numpy as np
 import numpy.typing as npt
 
 from drivers.twin.backdrop import Backdrop
-from drivers.twin.canvas import SLOTS, Canvas, Picture, Rays
-from drivers.twin.draw_capsules import CapsuleSet, draw_capsule
-from drivers.twin.draw_fruits import FruitSet, draw_fruit
-from drivers.twin.draw_leaves import LeafSet, LitLeaves, draw_leaf
+from drivers.twin.canvas import Canvas, Picture, Rays
+from drivers.twin.draw_capsules import CapsuleSet, CapsuleView, draw_capsule
+from drivers.twin.draw_fruits import FruitSet, FruitSight, draw_fruit
+from drivers.twin.draw_leaves import LeafSet, LeafView, LitLeaves, draw_leaf
 from drivers.twin.illumination import Illumination
 from drivers.twin.light import Light, light_at
 from drivers.twin.optics import StereoOptics
@@ -143,34 +143,37 @@ class StereoRenderer:
         right_from_left[:3, :3], right_from_left[:3, 3] = right_eye.R, right_eye.t_m
         eyes_from_row = (left_from_row, right_from_left @ left_from_row)
         lamp_m = row_from_left[:3, :3] @ (0.5 * right_eye.centre_m) + row_from_left[:3, 3]
-        slots: dict[int, int] = {}
-        solids = CapsuleSet.of(arm)
+        light = lit.illumination
+        leaves = self._leaves.views(self._rays, eyes_from_row, lamp_m, lit.leaves)
+        stems = self._stems.views(self._rays, eyes_from_row, lamp_m, light)
+        solids = CapsuleSet.of(arm).views(self._rays, eyes_from_row, lamp_m, light)
+        fruits = self._fruits.views(self._rays, eyes_from_row, lamp_m, light, lit.sun)
         left, right = (
-            self._paint_eye(rays, eye_from_row, lamp_m, lit, solids, slots)
-            for rays, eye_from_row in zip(self._rays, eyes_from_row, strict=True)
+            self._paint_eye(rays, eyes_from_row[eye], lit, leaves[eye], [*stems[eye], *solids[eye]], fruits[eye])
+            for eye, rays in enumerate(self._rays)
         )
+        slots = {sight.slot: sight.index for seen in fruits for sight in seen}
         self._painted = _Painted(key, eyes_from_row, (left, right), slots)
         return self._painted
 
     def _paint_eye(
-        self, rays: Rays, eye_from_row: Array, lamp_m: Array, lit: _Lit, arm: CapsuleSet, slots: dict[int, int]
+        self,
+        rays: Rays,
+        eye_from_row: Array,
+        lit: _Lit,
+        leaves: list[LeafView],
+        capsules: list[CapsuleView],
+        fruits: list[FruitSight],
     ) -> Canvas:
-        """Everything far to near; ``slots`` (slot to index of the fruit) grows by the fruit this eye adds."""
-        light = lit.illumination
+        """Everything far to near."""
         canvas = Canvas(self._backdrop.seen(lit.backdrop, rays, eye_from_row))
         strokes: list[tuple[float, Callable[[], None]]] = []
-        for leaf in self._leaves.views(rays, eye_from_row, lamp_m, lit.leaves):
+        for leaf in leaves:
             strokes.append((leaf.depth_m, partial(draw_leaf, canvas, lit.leaves, leaf)))
-        for capsules in (self._stems, arm):
-            for capsule in capsules.views(rays, eye_from_row, lamp_m, light):
-                strokes.append((capsule.depth_m, partial(draw_capsule, canvas, capsule)))
-        slot_of = {index: slot for slot, index in slots.items()}
-        for sight in self._fruits.views(rays, eye_from_row, lamp_m, light, lit.sun):
-            slot = slot_of.get(sight.index, len(slots) + 1)
-            if slot > SLOTS:
-                continue
-            slots[slot] = sight.index
-            strokes.append((sight.depth_m, partial(draw_fruit, canvas, rays, sight, slot)))
+        for capsule in capsules:
+            strokes.append((capsule.depth_m, partial(draw_capsule, canvas, capsule)))
+        for sight in fruits:
+            strokes.append((sight.depth_m, partial(draw_fruit, canvas, sight)))
         for _, paint_stroke in sorted(strokes, key=lambda stroke: -stroke[0]):
             paint_stroke()
         return canvas
