@@ -101,5 +101,7 @@ class FaultPlan:
 
     def next_change_s(self, after_s: float) -> float:
         """When the next fault begins or ends, infinity when none does."""
+        if not self.faults:
+            return math.inf
         edges = [edge for fault in self.faults for edge in (fault.start_s, fault.end_s)]
         return min((edge for edge in edges if edge > after_s), default=math.inf)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from xml.etree import ElementTree
 
 import numpy as np
@@ -40,16 +40,14 @@ class Body:
     p0_m: Array
     p1_m: Array
     radius_m: float
+    middle_m: Array = field(init=False)
+    mass_kg: float = field(init=False)
 
-    @property
-    def middle_m(self) -> Array:
-        return np.asarray(0.5 * (self.p0_m + self.p1_m))
-
-    @property
-    def mass_kg(self) -> float:
+    def __post_init__(self) -> None:
         length = math.dist(self.p0_m, self.p1_m)
         volume = math.pi * self.radius_m**2 * (length + 4.0 / 3.0 * self.radius_m)
-        return ARM_DENSITY_KG_M3 * volume
+        object.__setattr__(self, "middle_m", 0.5 * (self.p0_m + self.p1_m))
+        object.__setattr__(self, "mass_kg", ARM_DENSITY_KG_M3 * volume)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -36,6 +36,7 @@ class Servo:
     def __init__(self, joint: Joint, start_rad: float, velocity_rad_s: float, acceleration_rad_s2: float) -> None:
         self._low, self._high = joint.low_rad, joint.high_rad
         self._velocity, self._acceleration = velocity_rad_s, acceleration_rad_s2
+        self._half_step = 0.5 * acceleration_rad_s2 * STEP_S
         self.angle = start_rad
         self.speed = 0.0
         self.goal = self.profile = start_rad
@@ -77,8 +78,8 @@ class Servo:
 
     def follow(self, since_s: float) -> None:
         """One step towards the goal as it is ``since_s`` after it was set."""
-        half = 0.5 * self._acceleration * STEP_S
-        goal, goal_speed = self._goal_now(since_s)
+        half = self._half_step
+        goal, goal_speed = self._goal_now(since_s) if self.goal_speed else (self.goal, 0.0)
         ahead = goal - self.profile
         distance = abs(ahead)
         spare = self._acceleration * (CATCH_UP_SHARE if self.goal_speed else 1.0)

@@ -95,6 +95,8 @@ def predict(before: PoseFilter, odometry: Odometry) -> PoseFilter:
         raise ValueError(f"odometry of {odometry.stamp_s:.3f} s is older than the pose of {before.stamp_s:.3f} s")
     left_m = odometry.left_m - before.odometry.left_m
     right_m = odometry.right_m - before.odometry.right_m
+    if left_m == 0.0 and right_m == 0.0:  # standing: nothing moves, nothing gets less certain
+        return replace(before, odometry=odometry, trail=_longer(before, odometry.stamp_s, before.trail[-1][1]))
     counted_m, turned_rad = 0.5 * (left_m + right_m), (right_m - left_m) / before.track_m
     x, y, heading, scale = before.state[:4].tolist()
     middle = heading + 0.5 * scale * turned_rad
@@ -116,17 +118,20 @@ def predict(before: PoseFilter, odometry: Odometry) -> PoseFilter:
     added[2, 2] = noise.turn**2 * rolled_m
     added[3, 3] = noise.scale_drift**2 * rolled_m
     reckoned = _moved(before.trail[-1][1], travel_m, scale * turned_rad)
-    trail = (*before.trail, (odometry.stamp_s, reckoned))
-    if odometry.stamp_s == before.stamp_s:
-        trail = (*before.trail[:-1], trail[-1])
-    oldest_s = odometry.stamp_s - TRAIL_S
     return replace(
         before,
         state=np.concatenate([moved, before.state[4:]]),
         covariance=jacobian @ before.covariance @ jacobian.T + added,
         odometry=odometry,
-        trail=tuple(item for item in trail if item[0] >= oldest_s),
+        trail=_longer(before, odometry.stamp_s, reckoned),
     )
+
+
+def _longer(before: PoseFilter, stamp_s: float, reckoned: Pose2) -> tuple[tuple[float, Pose2], ...]:
+    """The trail with one more pose (a second one of the same stamp replaces the first), cut to the last seconds."""
+    kept = before.trail[:-1] if stamp_s == before.stamp_s else before.trail
+    first = next((i for i, item in enumerate(kept) if item[0] >= stamp_s - TRAIL_S), len(kept))
+    return (*kept[first:], (stamp_s, reckoned))
 
 
 def pose_at(at: PoseFilter, stamp_s: float) -> Pose2:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 import resource
 import statistics
 import sys
@@ -22,6 +23,7 @@ from robot.clock import run_virtual
 from robot.config import Config, load_config
 from robot.events import Bus
 from robot.ledger import Ledger
+from robot.mission import StateEntered
 from robot.package_files import packaged
 from robot.runtime import RunOptions, RunResult, run_robot
 from robot.runtime.devices import nominal_machine
@@ -80,19 +82,31 @@ def ledger() -> None:
         book.close()
 
 
-def mission(config: Config) -> None:
+def mission() -> None:
+    """The demo row from the first command to DONE, and what it takes to come up before that."""
     with tempfile.TemporaryDirectory() as folder:
-        began, cpu = time.monotonic(), time.process_time()
+        began_s = time.monotonic()
+        marks_s: list[float] = []
 
         async def life() -> RunResult:
+            bus = Bus()
+            states = bus.subscribe(StateEntered)
+
+            async def first_state() -> None:
+                await states.next()
+                marks_s.append(time.monotonic())
+
             options = RunOptions(DEMO, Path(folder), start=True, resume=False, truth=Path(folder) / "truth.jsonl")
-            return await run_robot(config, options, Bus())
+            first = asyncio.create_task(first_state())
+            result = await run_robot(load_config(DEMO), options, bus)
+            await first
+            return result
 
         result = run_virtual(life())
-        wall_s, cpu_s = time.monotonic() - began, time.process_time() - cpu
+        wall_s = time.monotonic() - marks_s[0]
     _line(
         "mission: the demo row in virtual time",
-        f"{result.duration_s:.0f} s simulated in {wall_s:.1f} s ({cpu_s:.1f} s CPU): "
+        f"{result.duration_s:.0f} s simulated in {wall_s:.1f} s, after {marks_s[0] - began_s:.1f} s to come up: "
         f"{result.duration_s / wall_s:.0f} times real time",
         ">= 20",
     )
@@ -106,7 +120,7 @@ def main() -> None:
     vision_and_twin(config)
     aiming(config)
     ledger()
-    mission(config)
+    mission()
     peak_mib = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
     _line("memory: peak resident set of this process", f"{peak_mib:.0f} MiB")
 
