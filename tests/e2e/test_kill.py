@@ -15,7 +15,7 @@ from robot.ledger import LedgerReader
 
 from .rover_process import begin, finish, load, short_row, wait_for_line, wait_for_message
 
-SPEED = "8"
+SPEED = "14"
 VALVE_LAG_S = 0.06  # closing latency and its deviation, on top of the board's timer
 MOMENTS = range(20)
 OPENING = '"device":"relay","verb":"pulse","args":{"channel":"valve"'
@@ -29,7 +29,7 @@ def _strike(process, truth: Path, moment: int, number: signal.Signals) -> None:
         time.sleep(dice.uniform(0.0, 0.08))
     else:
         wait_for_line(process, truth, '"kind":"view"')
-        time.sleep(dice.uniform(0.0, 2.5))
+        time.sleep(dice.uniform(0.0, 1.5))
     process.send_signal(number)
 
 
