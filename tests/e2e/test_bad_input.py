@@ -118,7 +118,7 @@ def test_a_wrong_route_is_refused(tmp_path: Path, refused: Told, row: str, words
 
 
 def test_a_calibration_for_another_size_than_the_camera_gives_is_refused(tmp_path: Path, refused: Told) -> None:
-    config = short_row(tmp_path, exposure_s="image_size_px = [1280, 720]\nexposure_s")
+    config = short_row(tmp_path, **{"[640, 480]": "[1280, 720]"})
     code = run(config, tmp_path / "out")
     refused(code, CONFIG, "calibration/demo.json", "640x480", "1280x720", "calibrate at the size")
     assert not (tmp_path / "out").exists()
