@@ -57,6 +57,18 @@ class ArmGeometry:
     root: str
     chain: tuple[Joint, ...]
     bodies: tuple[Body, ...]
+    _mass_kg: dict[str, float] = field(init=False)
+    _moment_kg_m: dict[str, Array] = field(init=False)
+
+    def __post_init__(self) -> None:
+        """Mass and first moment of each link, in its own frame."""
+        links = [self.root, *(joint.child for joint in self.chain)]
+        mass, moment = dict.fromkeys(links, 0.0), dict.fromkeys(links, np.zeros(3))
+        for body in self.bodies:
+            mass[body.link] += body.mass_kg
+            moment[body.link] = moment[body.link] + body.mass_kg * body.middle_m
+        object.__setattr__(self, "_mass_kg", mass)
+        object.__setattr__(self, "_moment_kg_m", moment)
 
     @property
     def joints(self) -> tuple[Joint, ...]:
@@ -95,17 +107,14 @@ class ArmGeometry:
     def gravity_torque_n_m(self, angles_rad: Sequence[float] | Array, up: Array) -> Array:
         """Torque (n,) that gravity puts on each joint, about its axis; ``up`` (3,) in the root frame."""
         poses = self.link_poses(angles_rad)
-        mass_of, moment_of = dict.fromkeys(poses, 0.0), dict.fromkeys(poses, np.zeros(3))
-        for body in self.bodies:
-            pose = poses[body.link]
-            mass_of[body.link] += body.mass_kg
-            moment_of[body.link] = moment_of[body.link] + body.mass_kg * (pose[:3, :3] @ body.middle_m + pose[:3, 3])
         x, y, z = up
         turn_up = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
         mass, moment, torques = 0.0, np.zeros(3), []
         for joint in reversed(self.chain):
             pose = poses[joint.child]
-            mass, moment = mass + mass_of[joint.child], moment + moment_of[joint.child]
+            link_kg = self._mass_kg[joint.child]
+            mass += link_kg
+            moment = moment + pose[:3, :3] @ self._moment_kg_m[joint.child] + link_kg * pose[:3, 3]
             if joint.index is not None:  # axis . (lever x weight) = -g (up x axis) . lever
                 lever = moment - mass * pose[:3, 3]
                 torques.append(-GRAVITY_M_S2 * float(turn_up @ (pose[:3, :3] @ joint.axis) @ lever))
