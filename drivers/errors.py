@@ -35,3 +35,11 @@ class DeviceFault(DeviceError):
 
 class DeviceRefused(DeviceError):
     """The driver itself refuses the command: it would break the contract of the device."""
+
+
+class DeviceBusy(DeviceError):
+    """Another process holds the device's port."""
+
+
+class WrongDevice(DeviceError):
+    """Something answers at this place, and it is not the device that the configuration names."""

@@ -52,6 +52,8 @@ class Bus:
         return self.twin.verb(self._device, self.clock())
 
     async def connect(self) -> None:
+        if self.verb is Verb.UNPLUGGED:
+            raise DeviceMissing(self._device, "its port", "nothing there", "plug it in")
         if self.verb is Verb.OFF:
             await asyncio.sleep(self._timeout_s)
             raise DeviceMissing(
@@ -91,7 +93,9 @@ class Bus:
             return answer
 
     async def require_answer(self) -> None:
-        """Wait for the time-out and raise when the device is silent."""
+        """Raise when the port is gone; wait for the time-out and raise when the device is silent."""
+        if self.verb is Verb.UNPLUGGED:
+            raise DeviceLost(self._device, "its port to be there", "it unplugged", "plug it in again")
         if self.verb is Verb.OFF:
             await self._time_out()
 

@@ -15,8 +15,8 @@ class Verb(StrEnum):
     OFF: the line is silent and takes no command; what moves or flows goes on by its own timers. STUCK: an actuator
     stays as it is, a sensor repeats itself with new stamps. GARBAGE: commands are obeyed, answers are garbled. WRONG:
     readings are off by a plausible amount. SLOW: ten times the latency. DELAYED: readings are stale by their stamps,
-    relay frames arrive late. INTERMITTENT: commands are obeyed, half of the answers do not come. A valve: OFF does not
-    open, WRONG does not seal.
+    relay frames arrive late. INTERMITTENT: commands are obeyed, half of the answers do not come. UNPLUGGED: the port is
+    gone; power stays. A valve: OFF does not open, WRONG does not seal.
     """
 
     OK = "ok"
@@ -27,6 +27,7 @@ class Verb(StrEnum):
     SLOW = "slow"
     DELAYED = "delayed"
     INTERMITTENT = "intermittent"
+    UNPLUGGED = "unplugged"
 
 
 DEVICES = ("arm", "camera", "gps", "inputs", "modem", "relay", "valve", "wheels")

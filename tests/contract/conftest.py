@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 from collections.abc import Awaitable, Callable
+from contextlib import suppress
 from dataclasses import dataclass
 from typing import Any, Generic, Protocol, TypeVar
 
@@ -13,6 +14,7 @@ from drivers.arm.interface import Arm
 from drivers.arm.mock import MockArm
 from drivers.camera.interface import StereoCamera
 from drivers.camera.mock import MockCamera
+from drivers.errors import DeviceError
 from drivers.gps.interface import Gps
 from drivers.gps.mock import MockGps
 from drivers.inputs.interface import Inputs
@@ -25,6 +27,8 @@ from drivers.twin import Twin
 from drivers.wheels.interface import Wheels
 from drivers.wheels.mock import MockWheels
 from robot.clock import run_virtual
+from tests.contract.leaping import LeapingLoop
+from tests.contract.rigged import Rigged
 from tests.drivers.twin import rig
 
 
@@ -33,29 +37,31 @@ class Opens(Protocol):
 
     async def open(self) -> None: ...
 
+    async def close(self) -> None: ...
+
 
 D = TypeVar("D", bound=Opens)
-Make = Callable[[Twin, Callable[[], float]], D]
+Clock = Callable[[], float]
+Make = Callable[[Twin, Clock], D]
+Test = Callable[[D, Twin], Awaitable[None]]
 
-CAMERAS: dict[str, Make[StereoCamera]] = {"mock": MockCamera}
-ARMS: dict[str, Make[Arm]] = {"mock": MockArm}
-RELAYS: dict[str, Make[RelayBoard]] = {"mock": MockRelay}
-INPUTS: dict[str, Make[Inputs]] = {"mock": MockInputs}
-RECEIVERS: dict[str, Make[Gps]] = {"mock": MockGps}
-MODEMS: dict[str, Make[Modem]] = {"mock": MockModem}
-DRIVES: dict[str, Make[Wheels]] = {"mock": MockWheels}
+
+class Bench(Protocol[D]):
+    """A way to run one test on one backend: ``run(test, *faults)`` with a fresh twin and a fresh loop.
+
+    ``opened``: the device is open when the test begins. Returns the twin as the test left it.
+    """
+
+    def run(self, test: Test[D], *faults: str, opened: bool = True, **changes: Any) -> Twin: ...
 
 
 @dataclass(frozen=True)
-class Bench(Generic[D]):
-    """A way to run one test on one backend: ``run(test, *faults)`` with a fresh twin and a fresh loop."""
+class Virtual(Generic[D]):
+    """A mock, in virtual time."""
 
     make: Make[D]
 
-    def run(
-        self, test: Callable[[D, Twin], Awaitable[None]], *faults: str, opened: bool = True, **changes: Any
-    ) -> Twin:
-        """``opened``: the device is open when the test begins. Returns the twin as the test left it."""
+    def run(self, test: Test[D], *faults: str, opened: bool = True, **changes: Any) -> Twin:
         twin = rig.twin(*faults, **changes)
 
         async def main() -> None:
@@ -69,36 +75,75 @@ class Bench(Generic[D]):
         return twin
 
 
+@dataclass(frozen=True)
+class OnTheWire(Generic[D]):
+    """A production driver that speaks with the emulator of its device, in real time that leaps over silence."""
+
+    make: Callable[[Twin, Clock], Rigged[D]]
+
+    def run(self, test: Test[D], *faults: str, opened: bool = True, **changes: Any) -> Twin:
+        twin = rig.twin(*faults, **changes)
+
+        async def main() -> None:
+            loop = asyncio.get_running_loop()
+            assert isinstance(loop, LeapingLoop)
+            rigged = self.make(twin, loop.time)
+            loop.busy = rigged.busy
+            try:
+                if opened:
+                    await rigged.device.open()
+                await test(rigged.device, twin)
+                twin.advance(loop.time())
+            finally:
+                with suppress(DeviceError):  # a device that a fault took away cannot be closed in order
+                    await rigged.device.close()
+                await rigged.take_down()
+
+        with asyncio.Runner(loop_factory=LeapingLoop) as runner:
+            runner.run(main())
+        return twin
+
+
+# device -> {backend: bench}. A later backend joins by one line.
+CAMERAS: dict[str, Bench[StereoCamera]] = {"mock": Virtual(MockCamera)}
+ARMS: dict[str, Bench[Arm]] = {"mock": Virtual(MockArm)}
+RELAYS: dict[str, Bench[RelayBoard]] = {"mock": Virtual(MockRelay)}
+INPUTS: dict[str, Bench[Inputs]] = {"mock": Virtual(MockInputs)}
+RECEIVERS: dict[str, Bench[Gps]] = {"mock": Virtual(MockGps)}
+MODEMS: dict[str, Bench[Modem]] = {"mock": Virtual(MockModem)}
+DRIVES: dict[str, Bench[Wheels]] = {"mock": Virtual(MockWheels)}
+
+
 @pytest.fixture(params=CAMERAS)
 def camera(request: pytest.FixtureRequest) -> Bench[StereoCamera]:
-    return Bench(CAMERAS[request.param])
+    return CAMERAS[request.param]
 
 
 @pytest.fixture(params=ARMS)
 def arm(request: pytest.FixtureRequest) -> Bench[Arm]:
-    return Bench(ARMS[request.param])
+    return ARMS[request.param]
 
 
 @pytest.fixture(params=RELAYS)
 def relay(request: pytest.FixtureRequest) -> Bench[RelayBoard]:
-    return Bench(RELAYS[request.param])
+    return RELAYS[request.param]
 
 
 @pytest.fixture(params=INPUTS)
 def inputs(request: pytest.FixtureRequest) -> Bench[Inputs]:
-    return Bench(INPUTS[request.param])
+    return INPUTS[request.param]
 
 
 @pytest.fixture(params=RECEIVERS)
 def gps(request: pytest.FixtureRequest) -> Bench[Gps]:
-    return Bench(RECEIVERS[request.param])
+    return RECEIVERS[request.param]
 
 
 @pytest.fixture(params=MODEMS)
 def modem(request: pytest.FixtureRequest) -> Bench[Modem]:
-    return Bench(MODEMS[request.param])
+    return MODEMS[request.param]
 
 
 @pytest.fixture(params=DRIVES)
 def wheels(request: pytest.FixtureRequest) -> Bench[Wheels]:
-    return Bench(DRIVES[request.param])
+    return DRIVES[request.param]
