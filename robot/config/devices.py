@@ -1,0 +1,247 @@
+"""The sections of the devices: each back end has its own keys, chosen by ``backend``."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal, Self
+
+from pydantic import Field, SecretStr, model_validator
+
+from robot.config.base import Pixels, Radians, Section, between
+
+Baud = Annotated[int, Field(ge=1200, le=4_500_000)]
+UnitId = Annotated[int, Field(ge=1, le=247)]
+Place = Annotated[str, Field(min_length=1, max_length=300)]
+Parity = Literal["N", "E", "O"]
+
+
+# --- camera
+
+
+class _Camera(Section):
+    calibration: str
+    image_size_px: tuple[Pixels, Pixels] = (640, 480)
+    exposure_s: Annotated[float, between(1e-5, 0.2)]
+    gain: Annotated[float, between(1.0, 32.0)] = 1.0
+    lamp: Literal["off", "on"] = "off"
+
+
+class MockCameraSection(_Camera):
+    backend: Literal["mock"]
+
+
+class StereoUsbCameraSection(_Camera):
+    """A UVC camera that gives both views side by side, or two of them (``device`` left, ``right_device`` right).
+
+    A device is a path such as ``/dev/v4l/by-id/...`` or the address of an MJPEG stream (``http://...``).
+    """
+
+    backend: Literal["stereo_usb"]
+    device: Place
+    right_device: Place | None = None
+    format: Literal["MJPG", "YUYV"] = "MJPG"
+    rate_hz: Annotated[float, between(1.0, 120.0)] = 15.0
+    white_balance_k: Annotated[int, Field(ge=2000, le=10_000)] | None = None
+    power_line_hz: Literal[0, 50, 60] = 50
+    latency_s: Annotated[float, between(0.0, 1.0)] = 0.05
+
+
+class DepthAiCameraSection(_Camera):
+    """The stereo pair of an OAK camera; ``device_id`` chooses one of several."""
+
+    backend: Literal["depthai"]
+    device_id: str | None = None
+    rate_hz: Annotated[float, between(1.0, 60.0)] = 15.0
+
+
+class FilesCameraSection(_Camera):
+    """Recorded pairs, at their own pace: a folder of ``*left*`` and ``*right*`` images, or a side-by-side video."""
+
+    backend: Literal["files"]
+    source: Place
+    rate_hz: Annotated[float, between(0.1, 120.0)] = 15.0
+    loop: bool = True
+
+
+# --- arm
+
+
+class _Arm(Section):
+    urdf: str
+    stow_rad: tuple[Radians, ...]
+    ready_rad: tuple[Radians, ...]
+    max_velocity_rad_s: Annotated[float, between(0.05, 5.0)]
+    max_acceleration_rad_s2: Annotated[float, between(0.1, 40.0)]
+    settle_tolerance_rad: Annotated[float, between(0.001, 0.1)] = 0.012
+    settle_s: Annotated[float, between(0.02, 1.0)] = 0.1
+    settle_timeout_s: Annotated[float, between(0.1, 10.0)] = 2.0
+
+
+class MockArmSection(_Arm):
+    backend: Literal["mock"]
+
+
+class JointServos(Section):
+    """The servo of a joint, or the two that share it (the second turns the other way round, ``shadow_reversed``)."""
+
+    ids: Annotated[tuple[Annotated[int, Field(ge=0, le=252)], ...], Field(min_length=1, max_length=2)]
+    model: str
+    reversed: bool = False
+    shadow_reversed: bool = True
+    zero_tick: Annotated[int, Field(ge=0, le=4095)] = 2048
+
+
+class DynamixelArmSection(_Arm):
+    """Dynamixel X-series servos on one bus; ``servos`` by joint name, in any order."""
+
+    backend: Literal["dynamixel"]
+    port: Place
+    baud: Baud = 1_000_000
+    servos: dict[str, JointServos]
+    operating_mode: Literal["position", "extended_position"] = "extended_position"
+    watchdog_s: Annotated[float, between(0.2, 0.5)] = 0.3
+    torque_on_close: Literal["hold", "off"] = "hold"
+    fast_sync_read: bool = False
+
+
+# --- relay board
+
+
+class RelayChannels(Section):
+    valve: Annotated[int, Field(ge=0, le=31)]
+    pump: Annotated[int, Field(ge=0, le=31)]
+    lamp: Annotated[int, Field(ge=0, le=31)]
+    contactor: Annotated[int, Field(ge=0, le=31)]
+    beacon: Annotated[int, Field(ge=0, le=31)]
+
+    @model_validator(mode="after")
+    def _each_its_own(self) -> Self:
+        numbers = list(self.model_dump().values())
+        if len(set(numbers)) != len(numbers):
+            raise ValueError("two channels share one relay number; give each its own")
+        return self
+
+
+class ModbusRelaySection(Section):
+    """A Modbus relay board. ``profile`` says which; ``port`` is a serial device, or ``tcp://host:port``."""
+
+    backend: Literal["modbus"]
+    port: Place
+    baud: Baud = 9600
+    parity: Parity = "N"
+    unit: UnitId = 1
+    profile: str
+    channels: RelayChannels
+    lease_s: Annotated[float, between(0.5, 30.0)] = 5.0
+    timeout_s: Annotated[float, between(0.02, 1.0)] = 0.1
+
+
+class MockRelaySection(Section):
+    backend: Literal["mock"]
+    channels: RelayChannels
+    pulse_quantum_s: Annotated[float, between(0.001, 1.0)]
+    pulse_max_s: Annotated[float, between(0.1, 6553.5)]
+
+
+# --- inputs
+
+
+class MockInputsSection(Section):
+    backend: Literal["mock"]
+
+
+class ModbusInputsSection(Section):
+    """Sensors on Modbus modules, as ``profile`` wires them; they may share the relay board's port."""
+
+    backend: Literal["modbus"]
+    port: Place
+    baud: Baud = 9600
+    parity: Parity = "N"
+    profile: str
+    timeout_s: Annotated[float, between(0.02, 1.0)] = 0.1
+
+
+# --- position
+
+
+class MockGpsSection(Section):
+    backend: Literal["mock"]
+
+
+class NtripSection(Section):
+    """A caster of corrections for RTK. The password may come from the environment (SPRAYER_GPS__NTRIP__PASSWORD)."""
+
+    host: Place
+    port: Annotated[int, Field(ge=1, le=65535)] = 2101
+    mountpoint: Place
+    user: str = ""
+    password: SecretStr = SecretStr("")
+    tls: bool = False
+    gga_every_s: Annotated[float, between(1.0, 600.0)] = 10.0
+
+
+class NmeaGpsSection(Section):
+    """A receiver that speaks NMEA 0183; ``delay_s`` is from the moment of a position to its first byte."""
+
+    backend: Literal["nmea"]
+    port: Place
+    baud: Baud = 115_200
+    delay_s: Annotated[float, between(0.0, 1.0)] = 0.06
+    ntrip: NtripSection | None = None
+
+
+# --- modem
+
+
+class MockModemSection(Section):
+    backend: Literal["mock"]
+
+
+class GsmModemSection(Section):
+    """A GSM modem on its AT port. The PIN may come from the environment (SPRAYER_MODEM__PIN)."""
+
+    backend: Literal["gsm"]
+    port: Place
+    baud: Baud = 115_200
+    pin: SecretStr | None = None
+    storage: Literal["SM", "ME"] = "SM"
+    delivery_reports: bool = False
+
+
+# --- wheels
+
+
+class _Wheels(Section):
+    radius_m: Annotated[float, between(0.03, 1.0)]
+    track_m: Annotated[float, between(0.1, 3.0)]
+    max_speed_m_s: Annotated[float, between(0.01, 1.0)]
+    max_acceleration_m_s2: Annotated[float, between(0.05, 2.0)]
+
+
+class MockWheelsSection(_Wheels):
+    backend: Literal["mock"]
+
+
+class Zlac8015dWheelsSection(_Wheels):
+    """Two hub motors on a ZLAC8015D controller."""
+
+    backend: Literal["zlac8015d"]
+    port: Place
+    baud: Baud = 115_200
+    unit: UnitId = 1
+    counts_per_turn: Annotated[int, Field(ge=100, le=1_000_000)] = 4096
+    command_timeout_s: Annotated[float, between(0.1, 2.0)] = 0.5
+    swapped: bool = False
+    timeout_s: Annotated[float, between(0.02, 1.0)] = 0.1
+
+
+_ByBackend = Field(discriminator="backend")
+
+CameraSection = Annotated[
+    MockCameraSection | StereoUsbCameraSection | DepthAiCameraSection | FilesCameraSection, _ByBackend
+]
+ArmSection = Annotated[MockArmSection | DynamixelArmSection, _ByBackend]
+RelaySection = Annotated[MockRelaySection | ModbusRelaySection, _ByBackend]
+InputsSection = Annotated[MockInputsSection | ModbusInputsSection, _ByBackend]
+GpsSection = Annotated[MockGpsSection | NmeaGpsSection, _ByBackend]
+ModemSection = Annotated[MockModemSection | GsmModemSection, _ByBackend]
+WheelsSection = Annotated[MockWheelsSection | Zlac8015dWheelsSection, _ByBackend]

@@ -1,0 +1,109 @@
+"""The whole configuration of one robot, and what its sections must agree on."""
+
+from __future__ import annotations
+
+import hashlib
+from typing import Self
+
+from pydantic import model_validator
+from pydantic_settings import BaseSettings, PydanticBaseSettingsSource, SettingsConfigDict
+
+from robot.config.devices import (
+    ArmSection,
+    CameraSection,
+    GpsSection,
+    InputsSection,
+    MockRelaySection,
+    ModemSection,
+    RelaySection,
+    WheelsSection,
+)
+from robot.config.rooms import (
+    AimingSection,
+    DosingSection,
+    FluidSection,
+    NavigationSection,
+    PlantsSection,
+    RigSection,
+    RobotSection,
+    SafetySection,
+    TargetsSection,
+    TaskSection,
+    TwinSection,
+    VisionSection,
+)
+
+ENVIRONMENT = "SPRAYER_"
+
+
+class Config(BaseSettings):
+    """The whole configuration of one robot."""
+
+    model_config = SettingsConfigDict(extra="forbid", frozen=True, env_prefix=ENVIRONMENT, env_nested_delimiter="__")
+
+    robot: RobotSection
+    rig: RigSection
+    camera: CameraSection
+    arm: ArmSection
+    relay: RelaySection
+    inputs: InputsSection
+    gps: GpsSection
+    modem: ModemSection
+    wheels: WheelsSection
+    plants: PlantsSection
+    twin: TwinSection = TwinSection()
+    vision: VisionSection
+    targets: TargetsSection = TargetsSection()
+    aiming: AimingSection = AimingSection()
+    fluid: FluidSection
+    dosing: DosingSection
+    safety: SafetySection
+    task: TaskSection
+    navigation: NavigationSection
+
+    @classmethod
+    def settings_customise_sources(
+        cls,
+        settings_cls: type[BaseSettings],
+        init_settings: PydanticBaseSettingsSource,
+        env_settings: PydanticBaseSettingsSource,
+        dotenv_settings: PydanticBaseSettingsSource,
+        file_secret_settings: PydanticBaseSettingsSource,
+    ) -> tuple[PydanticBaseSettingsSource, ...]:
+        return env_settings, init_settings
+
+    @model_validator(mode="after")
+    def _sections_agree(self) -> Self:
+        if self.dosing.max_ml > self.safety.max_shot_ml:
+            raise ValueError(
+                f"dosing.max_ml ({self.dosing.max_ml}) exceeds safety.max_shot_ml ({self.safety.max_shot_ml})"
+            )
+        if isinstance(self.relay, MockRelaySection) and self.dosing.max_pulse_s > self.relay.pulse_max_s:
+            raise ValueError(
+                f"dosing.max_pulse_s ({self.dosing.max_pulse_s}) exceeds relay.pulse_max_s ({self.relay.pulse_max_s}), "
+                "the longest pulse that the board can time"
+            )
+        if self.navigation.cruise_speed_m_s > min(self.wheels.max_speed_m_s, self.safety.max_base_speed_m_s):
+            raise ValueError("navigation.cruise_speed_m_s exceeds wheels.max_speed_m_s or safety.max_base_speed_m_s")
+        if self.task.tank_fill_ml > self.fluid.tank_ml:
+            raise ValueError(
+                f"task.tank_fill_ml ({self.task.tank_fill_ml}) exceeds fluid.tank_ml ({self.fluid.tank_ml})"
+            )
+        if len(self.arm.stow_rad) != len(self.arm.ready_rad):
+            raise ValueError("arm.stow_rad and arm.ready_rad must name the same number of joints")
+        return self
+
+    @property
+    def simulated(self) -> bool:
+        """Whether every back end is a mock: the whole machine lives in this process, in virtual time."""
+        devices = (self.camera, self.arm, self.relay, self.inputs, self.gps, self.modem, self.wheels)
+        return all(device.backend == "mock" for device in devices)
+
+    @property
+    def emulated(self) -> bool:
+        """Whether the production back ends are meant for emulators of the simulated machine."""
+        return self.twin.behind == "emulators"
+
+    def content_hash(self) -> str:
+        """First 16 hex digits of the SHA-256 of all values: the same configuration, the same hash."""
+        return hashlib.sha256(self.model_dump_json().encode()).hexdigest()[:16]
