@@ -38,12 +38,13 @@ def demo(
 ) -> int:
     """Spray one simulated row, print how well it went, and write the report."""
     settings = load_with_seed(config, seed)
-    if not settings.simulated:
+    if not (settings.simulated or settings.emulated):
         raise UsageError(f"{config}: has hardware back ends; the demo runs on simulated ones (try configs/demo.toml)")
     path = config_file(config)
     clear_former_demo(out)
     truth_path = out / "truth.jsonl"
-    result = run_with_view(settings, RunOptions(path, out, True, False, truth_path), speed)
+    options = RunOptions(path, out, True, False, truth_path)
+    result = run_with_view(settings, options, speed, emulate=settings.emulated)
     truth = load_truth(truth_path)
     reachable = reach_of(settings, path, truth)
     with LedgerReader.open_read_only(ledger_path(out)) as ledger:

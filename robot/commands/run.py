@@ -7,7 +7,7 @@ import json
 import math
 import sys
 from contextlib import ExitStack
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -22,12 +22,19 @@ from robot.events import Bus
 from robot.ledger import LedgerReader
 from robot.mission import State
 from robot.package_files import config_file
-from robot.runtime import RunOptions, RunResult, StopSignals, ledger_path, run_robot
+from robot.runtime import EmulatorOptions, RunOptions, RunResult, StopSignals, emulator_process, ledger_path, run_robot
 from robot.targets import TargetState
 
 ConfigOption = Annotated[Path, typer.Option("--config", help="Configuration file, or the name of one that came along.")]
 SeedOption = Annotated[
     int | None, typer.Option("--seed", min=0, max=MAX_SEED, help="Seed of the simulated greenhouse and machine.")
+]
+FaultOption = Annotated[
+    list[str] | None,
+    typer.Option("--fault", metavar="DEVICE:VERB@T+D", help="A fault of the simulation, like relay:garbage@12s+3s."),
+]
+TraceOption = Annotated[
+    Path | None, typer.Option("--trace", metavar="DIR", help="Keep every byte of every port in this folder.")
 ]
 SpeedOption = Annotated[
     float, typer.Option("--speed", min=0.0, help="Simulated seconds a second; 0 is as fast as the machine can.")
@@ -43,18 +50,27 @@ def run(
     truth: Annotated[Path | None, typer.Option("--truth", help="Where the simulation writes what happened.")] = None,
     speed: SpeedOption = 1.0,
     out: Annotated[Path | None, typer.Option("--out", help="Run directory; default from the configuration.")] = None,
+    emulate: Annotated[bool, typer.Option("--emulate", help="Start the emulated rover beside the robot.")] = False,
+    fault: FaultOption = None,
+    trace: TraceOption = None,
 ) -> int:
     """Come up disarmed and wait; with --start treat the row. Ctrl-C or SIGTERM stops clean at any moment."""
     settings = load_with_seed(config, seed)
     if resume and not start:
         raise UsageError("--resume goes on with a row, so it needs --start as well")
-    if start and not settings.simulated:
+    if emulate and not settings.emulated:
+        raise UsageError(f"{config}: has no emulated rover (twin.behind is not 'emulators'); leave --emulate out")
+    if start and not settings.simulated and not emulate:
         _confirm(settings)
-    options = RunOptions(config_file(config), out or settings.robot.run_directory, start, resume, truth)
+    faults = tuple(fault or ())
+    if faults and not (emulate or settings.simulated):
+        raise UsageError("--fault works on the simulated machine only; use mocks or --emulate")
+    folder = out or settings.robot.run_directory
+    options = RunOptions(config_file(config), folder, start, resume, truth, faults=faults, trace=trace)
     signals = StopSignals().install()  # for good: a signal that comes after the robot let go cuts nothing
     with ExitStack() as stack:
         file = None if summary is None else stack.enter_context(atomic_file(summary))  # refused before anything moves
-        result = run_with_view(settings, options, speed, signals)
+        result = run_with_view(settings, options, speed, signals, emulate)
         if file is not None:
             file.write(json.dumps(describe(result, options.folder), indent=2).encode("utf-8") + b"\n")
     return 0 if result.state is State.DONE or not start or _stopped_by_signal(result) else 1
@@ -69,21 +85,29 @@ def load_with_seed(path: Path, seed: int | None) -> Config:
 
 
 def run_with_view(
-    config: Config, options: RunOptions, speed: float, signals: StopSignals | None = None
+    config: Config, options: RunOptions, speed: float, signals: StopSignals | None = None, emulate: bool = False
 ) -> RunResult:
-    """Run the robot with live progress on the terminal: simulated back ends in virtual time, others in real time."""
+    """Run the robot with live progress on the terminal: mocks in virtual time, everything else in real time.
+
+    ``emulate``: its devices are those of an emulated rover that lives as long as the run.
+    """
     if math.isnan(speed):
         raise UsageError("--speed nan: expected simulated seconds a second; give a number, or 0 for as fast as can be")
 
-    async def life() -> RunResult:
+    async def life(options: RunOptions) -> RunResult:
         bus = Bus()
         async with LiveView(bus):
             return await run_robot(config, options, bus, signals=signals)
 
+    async def with_emulator() -> RunResult:
+        machine = EmulatorOptions(options.config_path, config.twin.seed, options.truth, options.faults)
+        async with emulator_process(machine) as ports:
+            return await life(replace(options, ports=ports))
+
     try:
         if config.simulated:
-            return run_virtual(life(), pace=speed or None)
-        return asyncio.run(life())
+            return run_virtual(life(options), pace=speed or None)
+        return asyncio.run(with_emulator() if emulate else life(options))
     except ExceptionGroup as group:
         raise single_error(group) from group
 

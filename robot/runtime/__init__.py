@@ -1,5 +1,6 @@
 """The composition root: configuration in, a living robot out. Nothing else knows concrete back ends."""
 
+from robot.runtime.emulator_process import EmulatorOptions, emulator_process
 from robot.runtime.lifecycle import (
     ModeChanged,
     RunBegan,
@@ -12,11 +13,13 @@ from robot.runtime.lifecycle import (
 from robot.runtime.signals import StopSignals
 
 __all__ = [
+    "EmulatorOptions",
     "ModeChanged",
     "RunBegan",
     "RunOptions",
     "RunResult",
     "StopSignals",
+    "emulator_process",
     "frames_folder",
     "ledger_path",
     "run_robot",

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from contextlib import AsyncExitStack
 from dataclasses import dataclass
 from pathlib import Path
@@ -24,6 +24,7 @@ from drivers.relay.interface import RelayBoard
 from drivers.relay.mock import MockRelay
 from drivers.relay.values import Channel
 from drivers.twin.aftermath import resume_from
+from drivers.twin.faults import FaultPlan, parse_fault
 from drivers.twin.machine import Twin
 from drivers.twin.nominal import Nominal
 from drivers.twin.optics import StereoOptics
@@ -31,7 +32,8 @@ from drivers.twin.scene import Scene
 from drivers.wheels.interface import Wheels
 from drivers.wheels.mock import MockWheels
 from robot.config import Config
-from robot.errors import BusyError, ConfigError, FileError
+from robot.config.devices import MockRelaySection
+from robot.errors import BusyError, ConfigError, FileError, UsageError
 from robot.navigation import Row
 from robot.runtime.settings import mounts
 from robot.vision.stereo_rig import StereoRig
@@ -100,8 +102,7 @@ def nominal_machine(config: Config, rig: StereoRig, urdf_text: str) -> Nominal:
         max_speed_m_s=config.wheels.max_speed_m_s,
         max_acceleration_m_s2=config.wheels.max_acceleration_m_s2,
         channels=frozenset(Channel),
-        pulse_quantum_s=config.relay.pulse_quantum_s,
-        pulse_max_s=config.relay.pulse_max_s,
+        **_board(config),
         exposure_s=config.camera.exposure_s,
         gain=config.camera.gain,
         gps_latitude_deg=config.navigation.datum_latitude_deg or 0.0,
@@ -111,8 +112,25 @@ def nominal_machine(config: Config, rig: StereoRig, urdf_text: str) -> Nominal:
     )
 
 
-def make_twin(config: Config, row: Row, rig: StereoRig, urdf_text: str, truth: Path | None) -> Twin:
-    """The simulated machine behind mock back ends: a new one, or the one that an existing truth file tells of."""
+def fault_plan(texts: Iterable[str]) -> FaultPlan:
+    """The declared faults; ``UsageError`` for one that cannot be read."""
+    try:
+        return FaultPlan(parse_fault(text) for text in texts)
+    except ValueError as error:
+        raise UsageError(f"--fault: {error}") from error
+
+
+def _board(config: Config) -> dict[str, float]:
+    """The timer of a mock board; an emulated one has its own."""
+    if isinstance(config.relay, MockRelaySection):
+        return {"pulse_quantum_s": config.relay.pulse_quantum_s, "pulse_max_s": config.relay.pulse_max_s}
+    return {}
+
+
+def make_twin(
+    config: Config, row: Row, rig: StereoRig, urdf_text: str, truth: Path | None, faults: FaultPlan | None = None
+) -> Twin:
+    """The simulated machine behind mocks or emulators: a new one, or the one that an existing truth file tells of."""
     seed = config.twin.seed
     try:
         nominal = nominal_machine(config, rig, urdf_text)
@@ -120,9 +138,9 @@ def make_twin(config: Config, row: Row, rig: StereoRig, urdf_text: str, truth: P
     except ValueError as error:
         raise ConfigError(f"the simulated machine cannot be built: {error}") from error
     if truth is None:
-        return Twin(nominal, scene, seed)
+        return Twin(nominal, scene, seed, None, faults)
     try:
-        return resume_from(truth, nominal, scene, seed)
+        return resume_from(truth, nominal, scene, seed, faults)
     except BlockingIOError as error:
         raise BusyError(str(error)) from error
     except OSError as error:

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import asyncio
 import uuid
+from collections.abc import Mapping
 from contextlib import AsyncExitStack
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from datetime import UTC, datetime
 from pathlib import Path
 
@@ -20,7 +21,8 @@ from robot.geometry import Pose2
 from robot.ledger import Ledger
 from robot.ledger.values import Checkpoint, Dangling, Task
 from robot.mission import Localiser, Mission, MissionContext, MissionSettings, Progress, State, Trouble
-from robot.runtime.devices import Devices, make_devices, make_twin
+from robot.runtime.backends import BuildOptions, build_devices, needs_twin
+from robot.runtime.devices import Devices, fault_plan, make_twin
 from robot.runtime.mode_log import ModeLog
 from robot.runtime.recorder import FrameRecorder
 from robot.runtime.resuming import check_resumable, given_by_target_ml, task_to_resume
@@ -39,13 +41,20 @@ FARTHEST_COAST_M = 2.0  # how far the counters may have gone on between the last
 
 @dataclass(frozen=True, slots=True)
 class RunOptions:
-    """What the command line adds to the configuration."""
+    """What the command line adds to the configuration.
+
+    ``ports`` are those of an emulated rover (device -> path or address), which stand in for the configured ones;
+    ``faults`` are those of a simulated machine in this process; ``trace`` is a folder for the bytes of every port.
+    """
 
     config_path: Path
     folder: Path
     start: bool
     resume: bool
     truth: Path | None
+    ports: Mapping[str, str] = field(default_factory=dict)
+    faults: tuple[str, ...] = ()
+    trace: Path | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -113,10 +122,13 @@ async def run_robot(
         ledger = stack.enter_context(Ledger.open(ledger_path(options.folder)))
         if options.resume:
             task_to_resume(ledger, todays_task)
-        if twin is None:
-            twin = make_twin(config, row, rig, urdf_text, options.truth)
-        stack.callback(twin.close_truth)
-        devices = make_devices(twin, loop.time)
+        if twin is None and needs_twin(config):
+            twin = make_twin(config, row, rig, urdf_text, options.truth, fault_plan(options.faults))
+        if twin is not None:
+            stack.callback(twin.close_truth)
+        devices = build_devices(
+            config, arm_model, twin, loop.time, BuildOptions(options.config_path, options.ports, options.trace), stack
+        )
         if devices.camera.image_size != rig.image_size:
             raise ConfigError(
                 f"{options.config_path}: the camera gives {devices.camera.image_size}, camera.image_size_px says "

@@ -131,7 +131,7 @@ def task(config: Config, row: Row) -> Task:
         water=config.task.water,
         route=row.name,
         config_hash=config.content_hash(),
-        seed=config.twin.seed if config.simulated else None,
+        seed=config.twin.seed if config.simulated or config.emulated else None,
     )
 
 
