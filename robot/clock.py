@@ -138,6 +138,27 @@ async def work(function: Callable[[], T], duration_s: float) -> T:
     return await asyncio.shield(loop.run_in_executor(None, function))
 
 
+class RealClockLoop(asyncio.SelectorEventLoop):
+    """An event loop in real time whose clock shows the seconds since ``zero_s`` (of the monotonic clock).
+
+    That clock is the same in every process of a machine: two loops with one zero have one time. ``precise``: timers are
+    good to microseconds (select; epoll rounds to milliseconds).
+    """
+
+    def __init__(self, zero_s: float | None = None, precise: bool = False) -> None:
+        self.zero_s = time.monotonic() if zero_s is None else zero_s
+        super().__init__(selectors.SelectSelector() if precise else None)
+
+    def time(self) -> float:
+        return time.monotonic() - self.zero_s
+
+
+def run_real(main: Coroutine[Any, Any, T]) -> T:
+    """Run a coroutine to its end in real time, on a clock that starts at 0."""
+    with asyncio.Runner(loop_factory=RealClockLoop) as runner:
+        return runner.run(main)
+
+
 def run_virtual(main: Coroutine[Any, Any, T], pace: float | None = None) -> T:
     """Run a coroutine to its end in virtual time."""
     with asyncio.Runner(loop_factory=lambda: VirtualClockLoop(pace)) as runner:

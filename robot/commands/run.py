@@ -14,7 +14,7 @@ from typing import Annotated, Any
 import typer
 
 from robot.atomic_file import atomic_file
-from robot.clock import run_virtual
+from robot.clock import RealClockLoop, run_real, run_virtual
 from robot.commands.live import LiveView
 from robot.config import MAX_SEED, Config, load_config
 from robot.errors import UsageError
@@ -100,14 +100,18 @@ def run_with_view(
             return await run_robot(config, options, bus, signals=signals)
 
     async def with_emulator() -> RunResult:
-        machine = EmulatorOptions(options.config_path, config.twin.seed, options.truth, options.faults)
+        loop = asyncio.get_running_loop()
+        assert isinstance(loop, RealClockLoop)
+        machine = EmulatorOptions(
+            options.config_path, config.twin.seed, loop.zero_s, options.truth, options.faults
+        )
         async with emulator_process(machine) as ports:
             return await life(replace(options, ports=ports))
 
     try:
         if config.simulated:
             return run_virtual(life(options), pace=speed or None)
-        return asyncio.run(with_emulator() if emulate else life(options))
+        return run_real(with_emulator() if emulate else life(options))
     except ExceptionGroup as group:
         raise single_error(group) from group
 

@@ -21,10 +21,11 @@ _PROGRAM = "from robot.cli import main; main()"
 
 @dataclass(frozen=True, slots=True)
 class EmulatorOptions:
-    """What the emulated rover is told beyond the configuration file."""
+    """What the emulated rover is told beyond the configuration file. ``zero_s`` is when its clock shows 0."""
 
     config_path: Path
     seed: int
+    zero_s: float
     truth: Path | None = None
     faults: Sequence[str] = ()
 
@@ -39,7 +40,7 @@ async def emulator_process(options: EmulatorOptions) -> AsyncIterator[dict[str, 
     """
     with tempfile.TemporaryDirectory(prefix="sprayer-emulated-") as folder:
         arguments = ["emulate", "--config", str(options.config_path), "--json", "--links", folder, "--with-parent"]
-        arguments += ["--seed", str(options.seed)]
+        arguments += ["--seed", str(options.seed), "--zero", repr(options.zero_s)]
         if options.truth is not None:
             arguments += ["--truth", str(options.truth)]
         for fault in options.faults:

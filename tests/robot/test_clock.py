@@ -5,7 +5,7 @@ import time
 
 import pytest
 
-from robot.clock import VirtualClockLoop, run_virtual, work
+from robot.clock import RealClockLoop, VirtualClockLoop, run_real, run_virtual, work
 
 
 def test_a_thousand_seconds_pass_without_waiting():
@@ -120,3 +120,20 @@ def test_a_signal_is_heard_before_the_clock_jumps():
         return heard[0]
 
     assert run_virtual(main()) == 1.0
+
+
+def test_two_real_loops_with_one_zero_show_one_time():
+    zero_s = time.monotonic() - 5.0
+    first, second = RealClockLoop(zero_s), RealClockLoop(zero_s, precise=True)
+    try:
+        assert 5.0 <= first.time() <= second.time() < 65.0
+    finally:
+        first.close()
+        second.close()
+
+
+def test_a_real_run_begins_at_zero():
+    async def main() -> float:
+        return asyncio.get_running_loop().time()
+
+    assert 0.0 <= run_real(main()) < 60.0
