@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 from functools import cached_property
 from typing import Any
 
@@ -27,6 +28,8 @@ from drivers.twin.receiver import Receiver
 from drivers.twin.renderer import StereoRenderer
 from drivers.twin.scene import Scene
 from drivers.twin.sensors import Liquid, Sensors
+from drivers.twin.shot import Shot, view_line
+from drivers.twin.sightings import FruitView
 from drivers.twin.spray import Deposit, deposit
 from drivers.twin.truth import FORMAT, TruthLog
 from drivers.wheels.values import Odometry
@@ -176,24 +179,28 @@ class Twin:
         self.advance(now_s)
         return self._network.waiting(self.physics.t_s, self._epoch_s)
 
+    def shot(self, now_s: float) -> Shot:
+        """What stands before the camera at ``now_s``."""
+        self.advance(now_s)
+        return Shot(
+            now_s,
+            self.base_pose,
+            self.physics.row_from_base @ self.true.base_from_camera,
+            self._light(),
+            self.physics.geometry.capsules(self.joints_rad, self.physics.row_from_arm),
+        )
+
+    def tell_view(self, shot: Shot, sequence: int, seen: Iterable[FruitView]) -> None:
+        """Put into the truth log how a frame saw the fruit; ``seen`` is the renderer's truth for that shot."""
+        if self.truth.keeps:
+            self.truth.append(view_line(shot, sequence, seen))
+
     def expose(self, now_s: float, exposure_s: float, gain: float, sequence: int) -> tuple[Image, Image]:
         """The pair (left, right) of an exposure whose middle is ``now_s``; (height, width, 3) BGR."""
-        self.advance(now_s)
-        row_from_camera = self.physics.row_from_base @ self.true.base_from_camera
-        bodies = self.physics.geometry.capsules(self.joints_rad, self.physics.row_from_arm)
-        pair = self.renderer.render(row_from_camera, self._light(), exposure_s, gain, bodies, sequence)
+        shot = self.shot(now_s)
+        pair = self.renderer.render(shot.row_from_camera, shot.light, exposure_s, gain, shot.bodies, sequence)
         if self.truth.keeps:
-            seen = [
-                {
-                    "id": view.id,
-                    "visible": [view.left.visible_fraction, view.right.visible_fraction],
-                    "in_image": [view.left.in_image_fraction, view.right.in_image_fraction],
-                    "centre": view.centre_m.tolist(),
-                }
-                for view in self.renderer.truth(row_from_camera, bodies)
-            ]
-            base = list(self.base_pose)
-            self.truth.append({"kind": "view", "t": now_s, "sequence": sequence, "base": base, "fruits": seen})
+            self.tell_view(shot, sequence, self.renderer.truth(shot.row_from_camera, shot.bodies))
         return pair
 
     # --- the truth
