@@ -1,10 +1,11 @@
-"""An open serial device, as its owner thread sees it: blocking reads and writes with deadlines."""
+"""An open serial device or TCP connection, as its owner thread sees it: blocking reads and writes with deadlines."""
 
 from __future__ import annotations
 
 import errno
 import os
 import select
+import socket
 import time
 from collections.abc import Callable
 from contextlib import suppress
@@ -19,6 +20,11 @@ from drivers.errors import DeviceMissing, DeviceTimeout
 
 READ_BYTES = 4096
 WRITE_TIMEOUT_S = 1.0
+CONNECT_TIMEOUT_S = 1.5
+UNHEARD_MS = 2000  # a TCP peer that acknowledges nothing for so long is gone
+
+TCP = "tcp://"
+RTU_TCP = "rtu+tcp://"
 
 Parity = Literal["N", "E", "O"]
 
@@ -27,7 +33,9 @@ Parity = Literal["N", "E", "O"]
 class PortSettings:
     """Where a device is and how it speaks. ``path`` is a stable name (``/dev/serial/by-id/...``).
 
-    ``protocol`` names the decoder of the port's byte trace; ``device`` stands first in error messages.
+    A path ``tcp://host:port`` or ``rtu+tcp://host:port`` is a TCP connection instead; ``baud`` is then that of the
+    serial line behind the gateway, 0 when there is none. ``protocol`` names the decoder of the port's byte trace;
+    ``device`` stands first in error messages.
     """
 
     path: str
@@ -39,8 +47,12 @@ class PortSettings:
 
     @property
     def byte_s(self) -> float:
-        """How long one byte takes on the wire."""
-        return (9 + (self.parity != "N") + self.stop_bits) / self.baud
+        """How long one byte takes on the wire, 0 without a serial line."""
+        return (9 + (self.parity != "N") + self.stop_bits) / self.baud if self.baud else 0.0
+
+    @property
+    def is_tcp(self) -> bool:
+        return self.path.startswith((TCP, RTU_TCP))
 
 
 class Line:
@@ -50,31 +62,37 @@ class Line:
     """
 
     def __init__(self, settings: PortSettings, keep: Callable[[Direction, bytes], None]) -> None:
-        """Open, lock and set. ``DeviceMissing``, ``DeviceBusy``."""
+        """Open, lock and set. ``DeviceMissing``, ``DeviceBusy``. A TCP connection is the device's own to lock."""
         self.settings = settings
         self._keep = keep
-        self._serial = _open(settings)
-        try:
-            port_lock.take(self._serial.fd, settings.device, settings.path)
-        except BaseException:
-            self._serial.close()
-            raise
         self._held = b""
+        self._device: serial.Serial | socket.socket
+        if settings.is_tcp:
+            self._device = _connect(settings)
+            return
+        self._device = _open(settings)
+        try:
+            port_lock.take(self.descriptor, settings.device, settings.path)
+        except BaseException:
+            self._device.close()
+            raise
         with suppress(OSError, ValueError, NotImplementedError):  # only USB adapters have a latency timer
-            self._serial.set_low_latency_mode(True)
+            self._device.set_low_latency_mode(True)
 
     @property
     def descriptor(self) -> int:
-        return int(self._serial.fd)
+        return int(self._device.fileno())
 
     def close(self) -> None:
-        port_lock.release(self.settings.path)
+        if not self.settings.is_tcp:
+            port_lock.release(self.settings.path)
         with suppress(OSError):
-            self._serial.close()
+            self._device.close()
 
     def set_baud(self, baud: int) -> None:
-        """Another rate on the same open device, for searching."""
-        self._serial.baudrate = baud
+        """Another rate on the same open device, for searching; a gateway keeps its own."""
+        if not isinstance(self._device, socket.socket):
+            self._device.baudrate = baud
 
     def write(self, data: bytes, timeout_s: float = WRITE_TIMEOUT_S) -> None:
         """All of ``data``, or ``DeviceTimeout``."""
@@ -130,7 +148,7 @@ class Line:
         except BlockingIOError:
             return False
         if not data:
-            raise OSError(errno.EIO, "the device was unplugged")
+            raise OSError(errno.EIO, "the connection was ended" if self.settings.is_tcp else "the device was unplugged")
         self._keep("in", data)
         self._held += data
         return True
@@ -154,6 +172,27 @@ def _open(settings: PortSettings) -> serial.Serial:
         raise DeviceMissing(
             device, f"a serial device at {path}", found, f"check cable and power, or correct its port; {_present()}"
         ) from error
+
+
+def _connect(settings: PortSettings) -> socket.socket:
+    path, device = settings.path, settings.device
+    host, _, number = path.partition("://")[2].rpartition(":")
+    host = host.strip("[]")
+    if not host or not number.isdigit() or int(number) > 0xFFFF:
+        raise DeviceMissing(
+            device, f"{TCP}host:port or {RTU_TCP}host:port", path, "correct its port in the configuration"
+        )
+    try:
+        connection = socket.create_connection((host, int(number)), CONNECT_TIMEOUT_S)
+    except OSError as error:
+        raise DeviceMissing(
+            device, f"a device that listens at {path}", str(error.strerror or error),
+            "check its power and its network, or correct its port",
+        ) from error  # fmt: skip
+    connection.setblocking(False)
+    connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+    connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_USER_TIMEOUT, UNHEARD_MS)
+    return connection
 
 
 def _present() -> str:
