@@ -29,6 +29,7 @@ from drivers.wheels.mock import MockWheels
 from robot.clock import run_virtual
 from tests.contract.leaping import LeapingLoop
 from tests.contract.rigged import Rigged
+from tests.contract.rigs.camera import emulated_camera
 from tests.drivers.twin import rig
 
 
@@ -105,7 +106,7 @@ class OnTheWire(Generic[D]):
 
 
 # device -> {backend: bench}. A later backend joins by one line.
-CAMERAS: dict[str, Bench[StereoCamera]] = {"mock": Virtual(MockCamera)}
+CAMERAS: dict[str, Bench[StereoCamera]] = {"mock": Virtual(MockCamera), "stereo_usb": OnTheWire(emulated_camera)}
 ARMS: dict[str, Bench[Arm]] = {"mock": Virtual(MockArm)}
 RELAYS: dict[str, Bench[RelayBoard]] = {"mock": Virtual(MockRelay)}
 INPUTS: dict[str, Bench[Inputs]] = {"mock": Virtual(MockInputs)}
