@@ -65,6 +65,15 @@ class WheelsStop:
 
 
 @dataclass(frozen=True, slots=True)
+class WheelsRamps:
+    """The motor controller is set: how fast wheel speeds rise and fall, and after what silence it brakes."""
+
+    acceleration_m_s2: float
+    deceleration_m_s2: float
+    timeout_s: float
+
+
+@dataclass(frozen=True, slots=True)
 class ModemSend:
     number: str
     text: str
@@ -159,6 +168,7 @@ Command = (
     | ArmTorque
     | WheelsDrive
     | WheelsStop
+    | WheelsRamps
     | ModemSend
     | ModemTake
     | WorldCommand
@@ -173,6 +183,7 @@ _NAMES: dict[type[Command], tuple[str, str]] = {
     ArmTorque: ("arm", "torque"),
     WheelsDrive: ("wheels", "drive"),
     WheelsStop: ("wheels", "stop"),
+    WheelsRamps: ("wheels", "ramps"),
     ModemSend: ("modem", "send"),
     ModemTake: ("modem", "take"),
     WorldEstop: ("world", "estop"),

@@ -34,6 +34,7 @@ class Drive:
         self._track_m = nominal.track_m
         self._max_speed_m_s = nominal.max_speed_m_s
         self._acceleration = nominal.max_acceleration_m_s2
+        self._ramps = (nominal.max_acceleration_m_s2, nominal.max_acceleration_m_s2)  # up and down
         self._timeout_s = nominal.drive_timeout_s
         self._seed = seed
         self._pose = (0.0, 0.0, 0.0)
@@ -81,6 +82,10 @@ class Drive:
         self._wanted, self._commanded_s, self._brake = (0.0, 0.0), t_s, True
         return changed
 
+    def set_ramps(self, acceleration_m_s2: float, deceleration_m_s2: float, timeout_s: float) -> None:
+        """What the controller keeps to from now on; how hard it brakes in a stop is not its setting."""
+        self._ramps, self._timeout_s = (acceleration_m_s2, deceleration_m_s2), timeout_s
+
     def push(self, x_m: float, y_m: float, heading_rad: float) -> None:
         """Shift the base in its own axes; the wheels skid."""
         x, y, heading = self._pose
@@ -120,11 +125,11 @@ class Drive:
         elif not self.powered or t_s - self._commanded_s > self._timeout_s:
             wanted, brake = (0.0, 0.0), True
             self._wanted, self._brake = wanted, brake
-        change = self._acceleration * STEP_S * (BRAKE_FACTOR if brake else 1.0)
         slips = self._slip()
         ground = [0.0, 0.0]
         for k in (0, 1):
             before = self._speed[k]
+            change = self._change(before, wanted[k], brake)
             after = min(max(wanted[k], before - change), before + change)
             rolled = 0.5 * (before + after) * STEP_S
             self._speed[k] = after
@@ -132,6 +137,13 @@ class Drive:
             ground[k] = rolled * self._radius_m[k] / self._nominal_radius_m * (1.0 - slips[k])
         self._move(0.5 * (ground[0] + ground[1]), (ground[1] - ground[0]) / self._track_m)
         return self.resting
+
+    def _change(self, speed: float, wanted: float, brake: bool) -> float:
+        """The most by which a wheel's speed changes in a step."""
+        if brake:
+            return self._acceleration * STEP_S * BRAKE_FACTOR
+        up, down = self._ramps
+        return (down if abs(wanted) < abs(speed) or wanted * speed < 0.0 else up) * STEP_S
 
     def _move(self, forward_m: float, turn_rad: float) -> None:
         """Along the arc's chord."""

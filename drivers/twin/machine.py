@@ -105,7 +105,7 @@ class Twin:
         match command:
             case c.RelaySwitch() | c.RelayPulse() | c.RelayAllOff():
                 self.physics.board.submit(command.at_s + self._epoch_s, command)
-            case c.ArmGoal() | c.ArmHold() | c.ArmTorque() | c.WheelsDrive() | c.WheelsStop():
+            case c.ArmGoal() | c.ArmHold() | c.ArmTorque() | c.WheelsDrive() | c.WheelsStop() | c.WheelsRamps():
                 if self.physics.obey(command):
                     self._snapshot(self.physics.t_s)
             case c.ModemSend(number, text):

@@ -25,7 +25,15 @@ from drivers.twin.spray import Deposit
 Array = npt.NDArray[np.float64]
 
 Actuation = (
-    c.RelaySwitch | c.RelayPulse | c.RelayAllOff | c.ArmGoal | c.ArmHold | c.ArmTorque | c.WheelsDrive | c.WheelsStop
+    c.RelaySwitch
+    | c.RelayPulse
+    | c.RelayAllOff
+    | c.ArmGoal
+    | c.ArmHold
+    | c.ArmTorque
+    | c.WheelsDrive
+    | c.WheelsStop
+    | c.WheelsRamps
 )
 
 
@@ -118,6 +126,9 @@ class Physics:
                 return self.drive.command(t, speed, yaw_rate)
             case c.WheelsStop():
                 return self.drive.stop(t)
+            case c.WheelsRamps(acceleration, deceleration, timeout_s):
+                self.drive.set_ramps(acceleration, deceleration, timeout_s)
+                return False
             case _:
                 raise TypeError(f"relay frames go to the board: {command}")
         return True

@@ -29,6 +29,7 @@ from drivers.wheels.mock import MockWheels
 from robot.clock import run_virtual
 from tests.contract.leaping import LeapingLoop
 from tests.contract.rigged import Rigged
+from tests.contract.rigs.wheels import emulated_wheels
 from tests.contract.rigs.camera import emulated_camera
 from tests.drivers.twin import rig
 
@@ -112,7 +113,7 @@ RELAYS: dict[str, Bench[RelayBoard]] = {"mock": Virtual(MockRelay)}
 INPUTS: dict[str, Bench[Inputs]] = {"mock": Virtual(MockInputs)}
 RECEIVERS: dict[str, Bench[Gps]] = {"mock": Virtual(MockGps)}
 MODEMS: dict[str, Bench[Modem]] = {"mock": Virtual(MockModem)}
-DRIVES: dict[str, Bench[Wheels]] = {"mock": Virtual(MockWheels)}
+DRIVES: dict[str, Bench[Wheels]] = {"mock": Virtual(MockWheels), "zlac8015d": OnTheWire(emulated_wheels)}
 
 
 @pytest.fixture(params=CAMERAS)
