@@ -167,6 +167,10 @@ class ModbusUnit:
         """Function 15; the echo is checked in address and count."""
         self._ask(pdu.write_coils(address, values))
 
+    def send(self, request: pdu.Request) -> None:
+        """Any write; the echo is checked."""
+        self._ask(request)
+
     def _ask(self, request: pdu.Request) -> bytes:
         return self._line.exchange(self._device, self._unit_id, request, self._timeout_s)
 

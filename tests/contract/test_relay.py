@@ -77,7 +77,7 @@ def test_the_coil_closes_between_the_receipts_stamps(relay: Bench[RelayBoard]) -
     async def test(board: RelayBoard, twin: Twin) -> None:
         sent_s = now()
         receipt = await board.pulse(Channel.VALVE, 0.5)
-        assert sent_s <= receipt.sent_s < receipt.accepted_s == now()
+        assert sent_s <= receipt.sent_s < receipt.accepted_s <= now()
         assert on(twin, Channel.VALVE)
 
     relay.run(test)
@@ -270,34 +270,30 @@ def test_a_freed_contact_follows_the_last_command(relay: Bench[RelayBoard]) -> N
     relay.run(test, "relay:stuck@0.5s+2s")
 
 
-def test_a_slow_board_takes_ten_times_as_long(relay: Bench[RelayBoard]) -> None:
+def test_a_slow_board_takes_several_times_as_long(relay: Bench[RelayBoard]) -> None:
+    async def quickest_s(board: RelayBoard) -> float:
+        took_s = []
+        for _ in range(5):
+            start_s = now()
+            await board.read()
+            took_s.append(now() - start_s)
+        return min(took_s)
+
     async def test(board: RelayBoard, twin: Twin) -> None:
-        start_s = now()
-        await board.read()
-        quick_s = now() - start_s
-        await asyncio.sleep(1.0)
-        start_s = now()
-        await board.read()
-        assert now() - start_s > 5.0 * quick_s
+        quick_s = await quickest_s(board)
+        await asyncio.sleep(2.0 - now())
+        assert await quickest_s(board) > 3.0 * quick_s
 
-    relay.run(test, "relay:slow@1s")
+    relay.run(test, "relay:slow@2s")
 
 
-def test_a_stale_reading_carries_its_old_stamp(relay: Bench[RelayBoard]) -> None:
-    async def test(board: RelayBoard, twin: Twin) -> None:
-        await asyncio.sleep(5.0)
-        assert now() - (await board.read()).stamp_s > 0.9
-
-    relay.run(test, "relay:delayed@1s")
-
-
-def test_about_every_other_call_of_an_intermittent_line_fails(relay: Bench[RelayBoard]) -> None:
+def test_about_every_other_opening_of_an_intermittent_line_fails(relay: Bench[RelayBoard]) -> None:
     async def test(board: RelayBoard, twin: Twin) -> None:
         await asyncio.sleep(1.0)
         failed = 0
         for _ in range(40):
             try:
-                await board.read()
+                await board.pulse(Channel.BEACON, 0.1)
             except DeviceTimeout:
                 failed += 1
         assert 8 <= failed <= 32

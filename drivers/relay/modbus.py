@@ -1,0 +1,293 @@
+"""A relay board on a Modbus bus, driven by its profile."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+
+from drivers.errors import DeviceError, DeviceFault, DeviceLost, DeviceMissing, DeviceRefused, DeviceTimeout
+from drivers.modbus_master import TIMEOUT_S, ModbusLine, ModbusMaster, ModbusRefusal
+from drivers.modbus_probe import TRIES, prove
+from drivers.relay.board import Board
+from drivers.relay.held_pulses import HeldPulses
+from drivers.relay.profiles import profile_named
+from drivers.relay.values import BoardCapability, Channel, PulseReceipt, RelayState, refusal_for_automatic
+
+HOST_QUANTUM_S = 0.001
+
+_PULSED_ONLY = frozenset({Channel.VALVE, Channel.PUMP})
+_FIRST_OFF = (Channel.VALVE, Channel.PUMP)
+
+
+@dataclass(frozen=True, slots=True)
+class RelaySettings:
+    """Which board, and what hangs on it. ``ValueError`` for what cannot be.
+
+    ``channels``: the number, from 1 as printed on the board, of each. A pulse longer than ``lease_s`` is kept up by
+    renewed ones, so that a dead host's coil opens within ``lease_s``. ``watchdog_s`` is for boards that watch the line.
+    """
+
+    profile: str
+    unit_id: int
+    channels: Mapping[Channel, int]
+    lease_s: float = 1.0
+    longest_pulse_s: float = 30.0
+    watchdog_s: float = 1.0
+    reply_timeout_s: float = TIMEOUT_S
+
+    def __post_init__(self) -> None:
+        profile = profile_named(self.profile)
+        if not 1 <= self.unit_id <= 255:
+            raise ValueError(f"unit_id: expected 1 to 255, found {self.unit_id}; correct it")
+        numbers = list(self.channels.values())
+        for channel, number in self.channels.items():
+            if not 1 <= number <= profile.channels:
+                raise ValueError(f"channels.{channel}: expected 1 to {profile.channels}, found {number}; correct it")
+            if numbers.count(number) > 1:
+                raise ValueError(f"channels.{channel}: expected a number of its own, found {number} twice; correct it")
+        if not self.channels:
+            raise ValueError("channels: expected at least one channel, found none; name what is wired")
+        if profile.pulse is not None and not self.lease_s >= 2.0 * profile.pulse.quantum_s:
+            raise ValueError(
+                f"lease_s: expected {2.0 * profile.pulse.quantum_s:g} s or more with {profile.name}, whose timer goes "
+                f"in steps of {profile.pulse.quantum_s:g} s, found {self.lease_s:g}; raise it"
+            )
+        if profile.watchdog is not None and not self.watchdog_s >= profile.watchdog.unit_s:
+            raise ValueError(
+                f"watchdog_s: expected {profile.watchdog.unit_s:g} s or more, found {self.watchdog_s:g}; raise it"
+            )
+        for name in ("longest_pulse_s", "reply_timeout_s"):
+            if not 0.0 < getattr(self, name) < math.inf:
+                raise ValueError(f"{name}: expected a positive number, found {getattr(self, name)}; correct it")
+
+
+class ModbusRelay:
+    """Implements ``drivers.relay.interface.RelayBoard``; ``clock`` gives loop time.
+
+    Closing goes through the bus's STOP lane and is tried three times, reading is tried three times, opening once. The
+    board proves what it is before any other frame, at opening and after each reconnection; then everything is off.
+    """
+
+    def __init__(self, settings: RelaySettings, bus: ModbusMaster, clock: Callable[[], float]) -> None:
+        self._settings, self._bus, self._clock = settings, bus, clock
+        self._profile = profile_named(settings.profile)
+        self._held = HeldPulses(bus, clock, self._board, self._note)
+        self._greeted: ModbusLine | None = None
+        self._is_open = False
+        self._trouble: DeviceError | None = None
+        first = [channel for channel in _FIRST_OFF if channel in settings.channels]
+        self._numbers = {channel: settings.channels[channel] for channel in (*first, *sorted(settings.channels))}
+
+    @property
+    def capability(self) -> BoardCapability:
+        watchdog_s = self._watchdog_s
+        longest_s = self._settings.longest_pulse_s
+        if self._profile.pulse is not None:
+            quantum_s = self._profile.pulse.quantum_s
+            return BoardCapability(quantum_s, math.floor(longest_s / quantum_s + 1e-9) * quantum_s, watchdog_s)
+        if watchdog_s is not None:
+            return BoardCapability(HOST_QUANTUM_S, longest_s, watchdog_s, host_timed=True)
+        return BoardCapability(HOST_QUANTUM_S, 0.0, None)
+
+    @property
+    def channels(self) -> frozenset[Channel]:
+        return frozenset(self._numbers)
+
+    async def open(self) -> None:
+        self._is_open = False
+        self._trouble = None
+        await self._bus.attach("relay", self._on_connection)
+        self._is_open = True
+
+    async def close(self) -> None:
+        if not self._is_open:
+            return
+        try:
+            await self.all_off()
+        finally:
+            self._is_open = False
+            self._greeted = None
+            await self._bus.detach("relay")
+
+    async def switch(self, channel: Channel, on: bool) -> None:
+        number = self._wired(channel)
+        if not on:
+            await self.cancel(channel)
+            return
+        if channel in _PULSED_ONLY:
+            raise DeviceRefused("relay", f"a pulse for {channel}", "a switching on for good", "use pulse()")
+
+        def job(line: ModbusLine) -> None:
+            board = self._greeted_board(line)
+            self._held.drop(number)
+            if self._watchdog_s is not None:
+                self._held.stays_on(number, self._watchdog_s)
+            board.on(number)
+
+        self._raise_trouble()
+        await self._bus.run(job)
+
+    async def pulse(self, channel: Channel, duration_s: float) -> PulseReceipt:
+        number = self._wired(channel)
+        capability = self.capability
+        if capability.pulse_max_s <= 0.0:
+            raise DeviceRefused(
+                "relay", "a board that can end a pulse without the host", f"a {self._profile.title}",
+                refusal_for_automatic(capability) or "use another board",
+            )  # fmt: skip
+        if not 0.0 < duration_s <= capability.pulse_max_s + 1e-9:
+            raise DeviceRefused(
+                "relay", f"a pulse above 0 s, to {capability.pulse_max_s:g} s", f"{duration_s:g} s",
+                "ask for a shorter pulse",
+            )  # fmt: skip
+        quanta = math.ceil(duration_s / capability.pulse_quantum_s - 1e-9)
+        self._raise_trouble()
+        start = self._start_watched if capability.host_timed else self._start_timed
+        sent_s, accepted_s = await self._bus.run(lambda line: start(line, number, quanta))
+        return PulseReceipt(channel, sent_s, accepted_s, quanta * capability.pulse_quantum_s)
+
+    async def cancel(self, channel: Channel) -> None:
+        number = self._wired(channel)
+
+        def job(line: ModbusLine) -> None:
+            self._held.drop(number)
+            self._greeted_board(line).cancel(number)
+
+        await self._bus.stop(job)
+
+    async def all_off(self) -> None:
+        self._require_open()
+
+        def job(line: ModbusLine) -> None:
+            self._held.drop_all()
+            self._greeted_board(line).all_off(tuple(self._numbers.values()))
+
+        await self._bus.stop(job)
+
+    async def read(self) -> RelayState:
+        self._require_open()
+        self._raise_trouble()
+        for _ in range(TRIES - 1):
+            try:
+                return await self._bus.run(self._read_once)
+            except ModbusRefusal:
+                raise
+            except (DeviceTimeout, DeviceFault):
+                continue
+        return await self._bus.run(self._read_once)
+
+    # --- in the owner's thread
+
+    def _read_once(self, line: ModbusLine) -> RelayState:
+        board = self._greeted_board(line)
+        stamp_s = self._clock()
+        contacts = board.read()
+        return RelayState(stamp_s, {channel: contacts[number - 1] for channel, number in self._numbers.items()})
+
+    def _start_timed(self, line: ModbusLine, number: int, quanta: int) -> tuple[float, float]:
+        timer = self._profile.pulse
+        assert timer is not None
+        lease_quanta = min(timer.most, math.floor(self._settings.lease_s / timer.quantum_s + 1e-9))
+        first = min(quanta, lease_quanta)
+        board = self._greeted_board(line)
+        self._held.drop(number)
+        sent_s = self._clock()
+        board.pulse(number, first)
+        accepted_s = self._clock()
+        if first < quanta:
+            self._held.lease(number, timer.quantum_s, first, sent_s, sent_s + quanta * timer.quantum_s)
+        return sent_s, accepted_s
+
+    def _start_watched(self, line: ModbusLine, number: int, quanta: int) -> tuple[float, float]:
+        assert self._watchdog_s is not None
+        board = self._greeted_board(line)
+        self._held.drop(number)
+        sent_s = self._clock()
+        try:
+            board.on(number)
+        except DeviceError:
+            self._held.watched(number, sent_s, self._watchdog_s)  # it may be on: off at once, and again until it is
+            raise
+        self._held.watched(number, sent_s + quanta * HOST_QUANTUM_S, self._watchdog_s)
+        return sent_s, self._clock()
+
+    def _on_connection(self, line: ModbusLine) -> None:
+        """The greeting. While the relay is open others use the line too: what fails then is said by the next call."""
+        self._greeted = None
+        if not self._is_open:
+            self._greet(line)
+            return
+        try:
+            self._greet(line)
+        except DeviceError as error:
+            self._note(error)
+
+    def _greeted_board(self, line: ModbusLine) -> Board:
+        """The board on this line, once it has proved what it is on it."""
+        if line is not self._greeted:
+            try:
+                self._greet(line)
+            except DeviceMissing as error:  # the port is there, and the board was
+                raise DeviceTimeout(error.device, error.expected, error.found, error.remedy) from error
+        return self._board(line)
+
+    def _greet(self, line: ModbusLine) -> None:
+        self._held.drop_all()
+        settings, profile = self._settings, self._profile
+        prove(line, "relay", settings.unit_id, profile.title, profile.probes, settings.reply_timeout_s)
+        board = self._board(line)
+        board.all_off(range(1, profile.channels + 1))
+        if profile.power_on is not None:
+            board.stay_off_at_power_on(profile.power_on)
+        if profile.watchdog is not None and self._watchdog_s is not None:
+            board.arm(profile.watchdog, self._watchdog_s)
+        self._require_all_off(board)
+        self._greeted = line
+
+    def _require_all_off(self, board: Board) -> None:
+        for attempt in range(TRIES):
+            try:
+                contacts = board.read()
+                break
+            except (DeviceTimeout, DeviceFault):
+                if attempt == TRIES - 1:
+                    raise
+        names = {number: str(channel) for channel, number in self._numbers.items()}
+        closed = [names.get(number, f"channel {number}") for number, on in enumerate(contacts, start=1) if on]
+        if closed:
+            raise DeviceFault(
+                "relay", "all coils off", f"{', '.join(closed)} on", "cut the board's power and change the relay"
+            )
+
+    def _board(self, line: ModbusLine) -> Board:
+        return Board(line.unit("relay", self._settings.unit_id, self._settings.reply_timeout_s), self._profile)
+
+    def _note(self, error: DeviceError) -> None:
+        self._trouble = self._trouble or error
+
+    # ---
+
+    @property
+    def _watchdog_s(self) -> float | None:
+        """The time that the watchdog is armed with: what was asked for, up to the next step."""
+        if (watchdog := self._profile.watchdog) is None:
+            return None
+        return min(watchdog.most, math.ceil(self._settings.watchdog_s / watchdog.unit_s - 1e-9)) * watchdog.unit_s
+
+    def _raise_trouble(self) -> None:
+        """What went wrong while nobody asked."""
+        if (trouble := self._trouble) is not None:
+            self._trouble = None
+            raise trouble
+
+    def _wired(self, channel: Channel) -> int:
+        self._require_open()
+        if channel not in self._numbers:
+            known = ", ".join(sorted(self._numbers))
+            raise DeviceRefused("relay", f"one of {known}", str(channel), "wire the channel in the configuration")
+        return self._numbers[channel]
+
+    def _require_open(self) -> None:
+        if not self._is_open:
+            raise DeviceLost("relay", "an open connection", "a closed one", "open the device first")
