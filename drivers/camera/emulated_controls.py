@@ -30,10 +30,11 @@ class EmulatedControl:
 
 @dataclass(slots=True)
 class EmulatedControls:
-    """All of them, by name. ``forgets`` names controls that take a value and do not keep it."""
+    """All of them, by name. ``forgets`` names controls that take a value and do not keep it, ``lacks`` hidden ones."""
 
     table: dict[str, EmulatedControl]
     forgets: set[str] = field(default_factory=set)
+    lacks: set[str] = field(default_factory=set)
 
     @classmethod
     def at_power_on(cls, nominal: Nominal) -> EmulatedControls:
@@ -54,6 +55,8 @@ class EmulatedControls:
     def take(self, wanted: Mapping[str, float]) -> None:
         """Set some; a control that an automatic drives keeps its value. ``KeyError`` for an unknown name."""
         for name, value in wanted.items():
+            if name in self.lacks:
+                raise KeyError(name)
             control = self.table[name]
             driver = DRIVEN.get(name)
             if name not in self.forgets and (driver is None or self[driver] == 0.0):
@@ -62,7 +65,9 @@ class EmulatedControls:
     def described(self) -> dict[str, dict[str, float]]:
         """What GET /controls answers."""
         return {
-            name: {"value": c.value, "low": c.low, "high": c.high, "step": c.step} for name, c in self.table.items()
+            name: {"value": c.value, "low": c.low, "high": c.high, "step": c.step}
+            for name, c in self.table.items()
+            if name not in self.lacks
         }
 
     def expose_by_itself(self, mean: float) -> None:

@@ -61,10 +61,10 @@ class Grabber:
     def start(self) -> None:
         self._thread.start()
 
-    async def stop(self) -> None:
-        """End the thread; one that is held up in a read ends by itself when that returns."""
+    async def stop(self, patience_s: float = JOIN_S) -> None:
+        """End the thread; one that is held up in a read for longer ends by itself when that returns."""
         self._closing.set()
-        await asyncio.shield(asyncio.get_running_loop().run_in_executor(None, self._thread.join, JOIN_S))
+        await asyncio.shield(asyncio.get_running_loop().run_in_executor(None, self._thread.join, patience_s))
 
     def post(self, job: Callable[[Video], T]) -> Future[T]:
         """Run a job between two frames; it fails with ``DeviceLost`` when the device goes before its turn."""

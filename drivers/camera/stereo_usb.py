@@ -8,58 +8,24 @@ from __future__ import annotations
 import asyncio
 import threading
 from collections.abc import Callable
-from contextlib import suppress
-from dataclasses import dataclass, field
+from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
-from drivers.camera.controls import Control, Controls, GainScale, Limits, apply
-from drivers.camera.grabber import Grab, Grabber, as_lost
+from drivers.camera.controls import Control, Controls, Limits, apply
+from drivers.camera.grabber import JOIN_S, Grab, Grabber, as_lost
 from drivers.camera.pairing import GrabPair, Pairing
-from drivers.camera.pictures import GarbledError, PixelFormat, picture_of
+from drivers.camera.pictures import GarbledError, picture_of
+from drivers.camera.stereo_usb_settings import StereoUsbSettings
 from drivers.camera.values import Image, StereoFrame
 from drivers.camera.video import Video, VideoSettings
+from drivers.camera.waiting_room import WaitingRoom
 from drivers.errors import DeviceError, DeviceFault, DeviceLost, DeviceMissing, DeviceRefused, DeviceTimeout
 
-OPEN_S = 2.5
+OPEN_S = 2.4
+HASTY_S = 0.5
 LONGEST_CAPTURE_S = 5.0
-
-
-@dataclass(frozen=True, slots=True)
-class StereoUsbSettings:
-    """``places``: one side-by-side device, or the left and the right one. ``image_size`` (width, height) of each view.
-
-    ``latency_s`` is from the end of an exposure to its grab (readout and transfer; the test card measures it). At least
-    ``in_flight_frames`` that arrive after a call are discarded, as they may have been exposed before it, and
-    ``settle_frames`` more after the controls changed. Two devices' frames make a pair when they arrive within
-    ``pair_apart_s``. ``swapped``: the side-by-side picture has the right view on its left. ``white_balance_k`` and
-    ``power_line_hz`` None are left as they are. ``may_differ``: controls that need not keep their value. ``controlled``
-    False: a bare stream, whose exposure is as given here and fixed.
-    """
-
-    places: tuple[str, ...]
-    image_size: tuple[int, int]
-    exposure_s: float
-    gain: float = 1.0
-    pixel_format: PixelFormat = "MJPG"
-    rate_hz: float = 15.0
-    white_balance_k: float | None = None
-    power_line_hz: int | None = 50
-    gain_scale: GainScale = field(default_factory=GainScale)
-    latency_s: float = 0.03
-    in_flight_frames: int = 1
-    settle_frames: int = 2
-    pair_apart_s: float = 0.010
-    frame_timeout_s: float = 0.5
-    swapped: bool = False
-    controlled: bool = True
-    may_differ: frozenset[Control] = field(default_factory=frozenset)
-
-    def __post_init__(self) -> None:
-        if len(self.places) not in (1, 2) or len(set(self.places)) != len(self.places):
-            raise ValueError(f"places: expected one device or two different ones, found {self.places}; name them")
-        if self.in_flight_frames < 1:
-            raise ValueError(f"in_flight_frames: expected at least 1, found {self.in_flight_frames}; one is always")
 
 
 @dataclass(slots=True)
@@ -68,30 +34,6 @@ class CameraStatistics:
 
     pairs: int = 0
     garbled: int = 0
-
-
-@dataclass(eq=False, slots=True)
-class _Waiting:
-    """Someone who waits for a pair exposed after ``after_s``, with ``discard`` pairs yet to let pass."""
-
-    after_s: float
-    discard: int
-    loop: asyncio.AbstractEventLoop
-    future: asyncio.Future[StereoFrame]
-
-    def resolve(self, outcome: StereoFrame | DeviceError) -> None:
-        """From any thread."""
-        with suppress(RuntimeError):  # the loop has ended, and with it whoever waited
-            self.loop.call_soon_threadsafe(_resolve, self.future, outcome)
-
-
-def _resolve(future: asyncio.Future[StereoFrame], outcome: StereoFrame | DeviceError) -> None:
-    if future.done():
-        return
-    if isinstance(outcome, DeviceError):
-        future.set_exception(outcome)
-    else:
-        future.set_result(outcome)
 
 
 class StereoUsb:
@@ -106,9 +48,8 @@ class StereoUsb:
         self.pairing = Pairing(settings.pair_apart_s)
         self._clock = clock
         self._grabbers: tuple[Grabber, ...] = ()
-        self._mutex = threading.RLock()
-        self._waiting: list[_Waiting] = []
-        self._trouble: DeviceError | None = None
+        self._mutex = threading.Lock()
+        self._room = WaitingRoom()
         self._asked = settings.exposure_s, settings.gain
         self._given = self._asked
         self._valid_from = 0
@@ -120,51 +61,52 @@ class StereoUsb:
         return self.settings.image_size
 
     async def open(self) -> None:
-        self._trouble = None
+        self._room.clear()
         self._limits = {}
         self.pairing.forget()
         self._grabbers = tuple(
-            Grabber(
-                lambda place=place: self._open_video(place),  # type: ignore[misc]  # bound now
-                self._clock,
-                lambda grab, side=side: self._take(side, grab),  # type: ignore[misc]
-                self._suffer,
-            )
+            Grabber(partial(self._open_video, place), self._clock, partial(self._take, side), self._suffer)
             for side, place in enumerate(self.settings.places)
         )
+        waiting = self._room.enter(-np.inf, 0)
         try:
-            waiting = self._wait_for(-np.inf, 0)
             for grabber in self._grabbers:
                 grabber.start()
-            async with asyncio.timeout(OPEN_S):
-                await waiting.future
+            if await self._room.wait(waiting, OPEN_S, OPEN_S) is None:
+                raise DeviceMissing(
+                    "camera", f"a first picture within {OPEN_S:g} s", "none", "check its power and its cable"
+                )
             self._is_open = True
-        except TimeoutError as error:
-            await self.close()
-            raise DeviceMissing(
-                "camera", f"a first picture within {OPEN_S:g} s", "silence", "check its power and its cable"
-            ) from error
         except DeviceLost as error:
-            await self.close()
             raise DeviceMissing(error.device, error.expected, error.found, error.remedy) from error
-        except BaseException:
-            await self.close()
-            raise
+        finally:
+            self._room.leave(waiting)
+            if not self._is_open:
+                await self._let_go(HASTY_S)
 
     async def close(self) -> None:
+        await self._let_go(JOIN_S)
+
+    async def _let_go(self, patience_s: float) -> None:
         grabbers, self._grabbers = self._grabbers, ()
         self._is_open = False
-        self._suffer(_closed())
-        await asyncio.gather(*(grabber.stop() for grabber in grabbers))
+        self._room.fail(_closed())
+        await asyncio.gather(*(grabber.stop(patience_s) for grabber in grabbers))
 
     async def capture(self) -> StereoFrame:
         self._require_open()
-        called_s = self._clock()
-        waiting = self._wait_for(called_s, self.settings.in_flight_frames)
+        if self.pairing.falls_apart:
+            raise self._unsynchronised()
+        called_s, grabbed = self._clock(), self._grabbed()
+        waiting = self._room.enter(called_s, self.settings.in_flight_frames)
         try:
-            return await self._patiently(waiting, called_s)
+            frame = await self._room.wait(waiting, self.settings.frame_timeout_s, LONGEST_CAPTURE_S)
         finally:
-            self._wait_no_more(waiting)
+            self._room.leave(waiting)
+        if frame is None:
+            pairless = all(later > before for later, before in zip(self._grabbed(), grabbed, strict=True))
+            raise self._unsynchronised() if pairless else self._silent(self._clock() - called_s)
+        return frame
 
     async def set_exposure(self, exposure_s: float, gain: float) -> None:
         self._require_open()
@@ -192,34 +134,8 @@ class StereoUsb:
         if not self._is_open:
             raise _closed()
 
-    def _wait_for(self, after_s: float, discard: int) -> _Waiting:
-        loop = asyncio.get_running_loop()
-        waiting = _Waiting(after_s, discard, loop, loop.create_future())
-        with self._mutex:
-            self._waiting.append(waiting)
-            if self._trouble is not None and not isinstance(self._trouble, DeviceTimeout):
-                waiting.resolve(self._trouble)
-        return waiting
-
-    def _wait_no_more(self, waiting: _Waiting) -> None:
-        with self._mutex:
-            if waiting in self._waiting:
-                self._waiting.remove(waiting)
-        waiting.future.cancel()
-
-    async def _patiently(self, waiting: _Waiting, called_s: float) -> StereoFrame:
-        """Wait as long as frames come; ``DeviceTimeout`` when none has come for ``frame_timeout_s``."""
-        patience_s = self.settings.frame_timeout_s
-        while True:
-            seen = self.statistics.pairs
-            done, _ = await asyncio.wait({waiting.future}, timeout=patience_s)
-            if done:
-                return waiting.future.result()
-            if self.pairing.falls_apart:
-                raise self._unsynchronised()
-            waited_s = self._clock() - called_s
-            if self.statistics.pairs == seen or waited_s > LONGEST_CAPTURE_S:
-                raise self._silent(waited_s)
+    def _grabbed(self) -> list[int]:
+        return [grabber.statistics.frames for grabber in self._grabbers]
 
     def _check_bounds(self, exposure_s: float, gain: float) -> None:
         scale, limits = self.settings.gain_scale, self._limits
@@ -310,23 +226,14 @@ class StereoUsb:
             pair = GrabPair(grab) if len(self.settings.places) == 1 else self.pairing.add(side, grab)
             if pair is None:
                 return
-            self._trouble = None
             self.statistics.pairs += 1
-            served = [waiting for waiting in self._waiting if self._serves(waiting, pair)]
-            self._waiting = [waiting for waiting in self._waiting if waiting not in served]
             number, given = self.statistics.pairs, self._given
-        if served:
+            valid = number >= self._valid_from
+        begin_s = pair.grab_s - self.settings.latency_s - given[0]
+        if served := self._room.served(pair.grab_s, begin_s, valid):
             outcome = self._develop(pair, number, *given)
             for waiting in served:
                 waiting.resolve(outcome)
-
-    def _serves(self, waiting: _Waiting, pair: GrabPair) -> bool:
-        """Whether the pair was exposed after the call, by its place in the stream and by the clock."""
-        if waiting.discard > 0:
-            waiting.discard -= pair.grab_s > waiting.after_s
-            return False
-        begin_s = pair.grab_s - self.settings.latency_s - self._given[0]
-        return begin_s >= waiting.after_s and self.statistics.pairs >= self._valid_from
 
     def _develop(self, pair: GrabPair, number: int, exposure_s: float, gain: float) -> StereoFrame | DeviceError:
         settings = self.settings
@@ -350,14 +257,7 @@ class StereoUsb:
         return StereoFrame(stamp_s, number, *views, exposure_s, gain)
 
     def _suffer(self, error: DeviceError) -> None:
-        with self._mutex:
-            self._trouble = as_lost(error) if self._is_open else error
-            if isinstance(error, DeviceTimeout):
-                return
-            served, self._waiting = self._waiting, []
-            trouble = self._trouble
-        for waiting in served:
-            waiting.resolve(trouble)
+        self._room.fail(as_lost(error) if self._is_open else error)
 
 
 def _closed() -> DeviceLost:

@@ -8,7 +8,8 @@ from contextlib import suppress
 
 from drivers.camera.darkroom import InProcess
 from drivers.camera.emulator import CameraEmulator
-from drivers.camera.stereo_usb import StereoUsb, StereoUsbSettings
+from drivers.camera.stereo_usb import StereoUsb
+from drivers.camera.stereo_usb_settings import StereoUsbSettings
 from drivers.twin import Twin
 from tests.contract.rigged import Rigged
 
