@@ -28,10 +28,11 @@ class MockInputs:
 
     async def read(self) -> InputState:
         state = await self._bus.exchange(lambda: self._twin.inputs(self._clock()))
-        return self._bus.seen(state, _miscalibrated)
+        return self._bus.seen(state, miscalibrated)
 
 
-def _miscalibrated(state: InputState) -> InputState:
+def miscalibrated(state: InputState) -> InputState:
+    """The liquid as sensors of a wrong calibration see it."""
     return replace(
         state,
         tank_level_ml=state.tank_level_ml * WRONG_SCALE,

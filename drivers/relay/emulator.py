@@ -6,14 +6,10 @@ Written from the makers' register maps and not from the driver's profiles, so th
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 
-from drivers.emulation.modbus_slave import (
-    ILLEGAL_ADDRESS,
-    ILLEGAL_FUNCTION,
-    ILLEGAL_VALUE,
-    ModbusException,
-)
+from drivers.emulation.modbus_answers import bits, words
+from drivers.emulation.modbus_slave import ILLEGAL_ADDRESS, ILLEGAL_FUNCTION, ILLEGAL_VALUE, ModbusException
 from drivers.relay.emulated_outputs import Outputs
 from drivers.relay.values import Channel
 from drivers.twin.machine import Twin
@@ -30,12 +26,13 @@ class CoilBoard:
     def answer(self, function: int, data: bytes) -> bytes | None:
         address, value = int.from_bytes(data[:2], "big"), int.from_bytes(data[2:4], "big")
         if function == 1:
-            return bits(self._in_range(self.outputs.contacts(), address, value))
+            return bits(self.outputs.contacts(), address, value)
         if function == 5:
             self.write_coil(address, value)
             return data
         if function == 15:
-            self._in_range(self.outputs.contacts(), address, value)
+            if address + value > self.outputs.count:
+                raise ModbusException(ILLEGAL_ADDRESS)
             for place in range(value):
                 self.outputs.switch(address + place + 1, bool(data[5 + place // 8] >> place % 8 & 1))
             return data[:4]
@@ -56,12 +53,6 @@ class CoilBoard:
     def power_cycle(self) -> None:
         """Power goes and comes back: every coil is off, running pulses are forgotten."""
         self.outputs.all_off()
-
-    @staticmethod
-    def _in_range(states: Sequence[bool], address: int, count: int) -> Sequence[bool]:
-        if address + count > len(states):
-            raise ModbusException(ILLEGAL_ADDRESS)
-        return states[address : address + count]
 
 
 class WaveshareBoard(CoilBoard):
@@ -111,9 +102,7 @@ class LcBoard(CoilBoard):
 
     def other(self, function: int, address: int, value: int, data: bytes) -> bytes | None:
         if function == 2:
-            if address + value > self.outputs.count:
-                raise ModbusException(ILLEGAL_ADDRESS)
-            return bits([False] * value)
+            return bits([False] * self.outputs.count, address, value)
         if function == 3:
             return words(self._words, address, value)
         if function == 16:
@@ -280,18 +269,3 @@ def emulated_board(
     if profile == "generic-coils":
         return CoilBoard(outputs)
     raise ValueError(f"relay: no emulated board for the profile {profile!r}")
-
-
-def bits(states: Sequence[bool]) -> bytes:
-    """States as an answer of function 01 or 02 holds them."""
-    data = sum(on << place for place, on in enumerate(states)).to_bytes((len(states) + 7) // 8, "little")
-    return bytes([len(data)]) + data
-
-
-def words(registers: Mapping[int, int], address: int, count: int) -> bytes:
-    """Registers as an answer of function 03 or 04 holds them."""
-    try:
-        told = [registers[address + place] for place in range(count)]
-    except KeyError:
-        raise ModbusException(ILLEGAL_ADDRESS) from None
-    return bytes([2 * count]) + b"".join(word.to_bytes(2, "big") for word in told)

@@ -31,7 +31,7 @@ def test_a_machine_at_rest_reads_at_rest(inputs: Bench[Inputs]) -> None:
         assert state.pressure_bar < 0.1
         assert abs(state.roll_rad) < 0.02
         assert 20.0 < state.battery_v < 30.0
-        assert 0.0 <= now() - state.stamp_s < 0.05
+        assert 0.0 <= now() - state.stamp_s < 0.5
 
     inputs.run(test)
 
