@@ -24,13 +24,13 @@ def alphabet_for(text: str) -> Alphabet:
     return Alphabet.GSM7 if all(gsm7.width(character) for character in text) else Alphabet.UCS2
 
 
-def split(text: str, wide: bool = False) -> tuple[Alphabet, tuple[str, ...]]:
+def split(text: str, wide: bool = False, longest: int = LONGEST_CHARACTERS) -> tuple[Alphabet, tuple[str, ...]]:
     """The alphabet and the parts, one when the text fits in one. ``wide``: for references of 16 bits.
 
-    Raises ``ValueError`` for a text of more than ``LONGEST_CHARACTERS`` or with half a surrogate pair.
+    Raises ``ValueError`` for a text of more than ``longest`` characters or with half a surrogate pair.
     """
-    if len(text) > LONGEST_CHARACTERS:
-        raise ValueError(f"expected a text of at most {LONGEST_CHARACTERS} characters, found {len(text)}")
+    if len(text) > longest:
+        raise ValueError(f"expected a text of at most {longest} characters, found {len(text)}")
     for character in text:
         if 0xD800 <= ord(character) < 0xE000:
             raise ValueError("expected whole characters, found half a surrogate pair")

@@ -29,8 +29,12 @@ from drivers.wheels.mock import MockWheels
 from robot.clock import run_virtual
 from tests.contract.leaping import LeapingLoop
 from tests.contract.rigged import Rigged
+from tests.contract.rigs.camera import emulated_camera, recorded_camera
+from tests.contract.rigs.gps import emulated_gps
+from tests.contract.rigs.inputs import emulated_inputs
+from tests.contract.rigs.modem import emulated_modem
+from tests.contract.rigs.relay import emulated_relay
 from tests.contract.rigs.wheels import emulated_wheels
-from tests.contract.rigs.camera import emulated_camera
 from tests.drivers.twin import rig
 
 
@@ -107,12 +111,16 @@ class OnTheWire(Generic[D]):
 
 
 # device -> {backend: bench}. A later backend joins by one line.
-CAMERAS: dict[str, Bench[StereoCamera]] = {"mock": Virtual(MockCamera), "stereo_usb": OnTheWire(emulated_camera)}
+CAMERAS: dict[str, Bench[StereoCamera]] = {
+    "mock": Virtual(MockCamera),
+    "stereo_usb": OnTheWire(emulated_camera),
+    "files": OnTheWire(recorded_camera),
+}
 ARMS: dict[str, Bench[Arm]] = {"mock": Virtual(MockArm)}
-RELAYS: dict[str, Bench[RelayBoard]] = {"mock": Virtual(MockRelay)}
-INPUTS: dict[str, Bench[Inputs]] = {"mock": Virtual(MockInputs)}
-RECEIVERS: dict[str, Bench[Gps]] = {"mock": Virtual(MockGps)}
-MODEMS: dict[str, Bench[Modem]] = {"mock": Virtual(MockModem)}
+RELAYS: dict[str, Bench[RelayBoard]] = {"mock": Virtual(MockRelay), "modbus": OnTheWire(emulated_relay)}
+INPUTS: dict[str, Bench[Inputs]] = {"mock": Virtual(MockInputs), "modbus": OnTheWire(emulated_inputs)}
+RECEIVERS: dict[str, Bench[Gps]] = {"mock": Virtual(MockGps), "nmea": OnTheWire(emulated_gps)}
+MODEMS: dict[str, Bench[Modem]] = {"mock": Virtual(MockModem), "gsm": OnTheWire(emulated_modem)}
 DRIVES: dict[str, Bench[Wheels]] = {"mock": Virtual(MockWheels), "zlac8015d": OnTheWire(emulated_wheels)}
 
 
