@@ -22,6 +22,7 @@ class Fix:
     """One epoch of a receiver. WGS 84; ``course_rad`` clockwise from true north; what is unknown is None.
 
     ``accuracy_m`` is the horizontal one-sigma error that the receiver claims (GST) or that follows from its quality.
+    ``heading_rad`` is where the base points, clockwise from true north, of a receiver with two antennas (HDT, THS).
     """
 
     stamp_s: float
@@ -35,3 +36,4 @@ class Fix:
     hdop: float | None
     speed_m_s: float | None
     course_rad: float | None
+    heading_rad: float | None = None

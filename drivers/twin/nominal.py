@@ -76,6 +76,7 @@ class Nominal:
     gps_row_heading_rad: float = 0.0
     gps_quality: FixQuality = FixQuality.RTK_FIXED
     gps_rate_hz: float = 5.0
+    gps_two_antennas: bool = False
 
     modem_operator: str = "Demo Mobile"
     modem_signal_dbm: float = -77.0

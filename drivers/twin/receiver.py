@@ -34,6 +34,8 @@ SATELLITES = {
 WANDER_PERIODS_S = (70.0, 190.0, 610.0)
 COURSE_FROM_M_S = 0.05
 SPEED_NOISE_M_S = 0.01
+COURSE_NOISE_RAD = 0.02
+HEADING_NOISE_RAD = 0.004  # of two antennas half a metre apart
 OUTPUT_DELAY_S = 0.06  # from the epoch to the end of its sentences
 
 
@@ -68,7 +70,8 @@ class Receiver:
         north += x * math.cos(bearing) + y * math.sin(bearing)
         latitude, longitude = self._geodetic(float(east), float(north))
         speed = abs(speed_m_s + float(rng.normal(0.0, SPEED_NOISE_M_S)))
-        course = (bearing - heading + (math.pi if speed_m_s < 0.0 else 0.0) + float(rng.normal(0.0, 0.02))) % math.tau
+        course = (bearing - heading + (math.pi if speed_m_s < 0.0 else 0.0) + float(rng.normal(0.0, COURSE_NOISE_RAD))) % math.tau
+        points = self._nominal.gps_two_antennas and self.quality is FixQuality.RTK_FIXED
         return Fix(
             stamp_s=stamp_s,
             utc=utc,
@@ -81,6 +84,7 @@ class Receiver:
             hdop=0.7 if self.quality >= FixQuality.RTK_FLOAT else 1.1,
             speed_m_s=speed,
             course_rad=course if abs(speed_m_s) >= COURSE_FROM_M_S else None,
+            heading_rad=(bearing - heading + float(rng.normal(0.0, HEADING_NOISE_RAD))) % math.tau if points else None,
         )
 
     def _wander(self, t_s: float) -> np.ndarray[tuple[int], np.dtype[np.float64]]:

@@ -22,6 +22,13 @@ def now() -> float:
     return asyncio.get_running_loop().time()
 
 
+async def fix_of_later(device: Gps, than_s: float) -> Fix:
+    """A fix of an epoch after that time. What completes after a call may be of an epoch shortly before it."""
+    while (fix := await device.next_fix()).stamp_s <= than_s:
+        pass
+    return fix
+
+
 def north_m(fix: Fix, nominal: Nominal) -> float:
     assert fix.latitude_deg is not None
     return (fix.latitude_deg - nominal.gps_latitude_deg) * METRES_A_DEGREE
@@ -37,15 +44,16 @@ def test_a_fix_completes_after_the_call(gps: Bench[Gps]) -> None:
     async def test(device: Gps, twin: Twin) -> None:
         called_s = now()
         fix = await device.next_fix()
-        assert called_s < fix.stamp_s <= now()
+        assert called_s - 0.2 < fix.stamp_s <= now()
+        assert (await device.next_fix()).stamp_s > called_s
 
     gps.run(test)
 
 
 def test_fixes_come_at_the_receivers_rate(gps: Bench[Gps]) -> None:
     async def test(device: Gps, twin: Twin) -> None:
-        stamps = [(await device.next_fix()).stamp_s for _ in range(6)]
-        assert [b - a for a, b in pairwise(stamps)] == pytest.approx([0.2] * 5)
+        stamps = [(await device.next_fix()).stamp_s for _ in range(8)][2:]
+        assert [b - a for a, b in pairwise(stamps)] == pytest.approx([0.2] * 5, abs=0.03)
 
     gps.run(test)
 
@@ -55,15 +63,16 @@ def test_a_fixed_solution_is_good_to_centimetres(gps: Bench[Gps]) -> None:
         fixes = [await device.next_fix() for _ in range(20)]
         assert {fix.quality for fix in fixes} == {FixQuality.RTK_FIXED}
         assert all(math.hypot(north_m(f, twin.nominal), east_m(f, twin.nominal)) < 0.06 for f in fixes)
-        assert len({fix.latitude_deg for fix in fixes}) == 20
+        assert len({fix.latitude_deg for fix in fixes}) >= 15  # tenths of a millimetre on the wire
 
     gps.run(test)
 
 
 def test_the_fix_follows_the_base_along_the_rows_heading(gps: Bench[Gps]) -> None:
     async def test(device: Gps, twin: Twin) -> None:
-        twin.apply(now(), c.WorldPush(2.0, 0.5, 0.0))
-        fix = await device.next_fix()
+        pushed_s = now()
+        twin.apply(pushed_s, c.WorldPush(2.0, 0.5, 0.0))
+        fix = await fix_of_later(device, pushed_s)
         assert east_m(fix, twin.nominal) == pytest.approx(2.0, abs=0.06)
         assert north_m(fix, twin.nominal) == pytest.approx(0.5, abs=0.06)
 
@@ -74,16 +83,16 @@ def test_the_fix_follows_the_base_along_the_rows_heading(gps: Bench[Gps]) -> Non
 def test_the_claimed_accuracy_fits_the_error(gps: Bench[Gps], quality: FixQuality) -> None:
     async def test(device: Gps, twin: Twin) -> None:
         fixes = []
-        for _ in range(30):
+        for _ in range(20):
             fixes.append(await device.next_fix())
-            await asyncio.sleep(20.0)
+            await asyncio.sleep(10.0)
         errors = [math.hypot(north_m(f, twin.nominal), east_m(f, twin.nominal)) for f in fixes]
         rms = math.sqrt(sum(e * e for e in errors) / 2 / len(errors))
         claimed = fixes[0].accuracy_m
         assert claimed is not None
         assert 0.5 * claimed < rms < 2.0 * claimed
 
-    gps.run(test, gps_quality=quality)
+    gps.run(test, gps_quality=quality, gps_rate_hz=1.0)
 
 
 def test_without_a_position_there_is_a_fix_of_quality_none(gps: Bench[Gps]) -> None:
@@ -102,7 +111,7 @@ def test_utc_goes_with_the_stamp(gps: Bench[Gps]) -> None:
         second = await device.next_fix()
         assert first.utc is not None
         assert second.utc is not None
-        assert (second.utc - first.utc).total_seconds() == pytest.approx(second.stamp_s - first.stamp_s)
+        assert (second.utc - first.utc).total_seconds() == pytest.approx(second.stamp_s - first.stamp_s, abs=0.05)
         assert first.utc.tzinfo is not None
 
     gps.run(test)
@@ -114,7 +123,7 @@ def test_course_is_known_while_moving_only(gps: Bench[Gps]) -> None:
         for _ in range(20):
             twin.apply(now(), c.WheelsDrive(0.3, 0.0))
             await asyncio.sleep(0.1)
-        fix = await device.next_fix()
+        fix = await fix_of_later(device, now() - 0.3)
         assert fix.course_rad == pytest.approx(1.0, abs=0.1)
         assert fix.speed_m_s == pytest.approx(0.3, abs=0.05)
 
@@ -161,7 +170,7 @@ def test_garbled_sentences_are_a_fault(gps: Bench[Gps]) -> None:
 def test_multipath_shifts_the_position_by_metres(gps: Bench[Gps]) -> None:
     async def test(device: Gps, twin: Twin) -> None:
         await asyncio.sleep(1.0)
-        assert east_m(await device.next_fix(), twin.nominal) == pytest.approx(3.0, abs=0.1)
+        assert east_m(await fix_of_later(device, 1.0), twin.nominal) == pytest.approx(3.0, abs=0.1)
 
     gps.run(test, "gps:wrong@1s")
 
@@ -169,10 +178,28 @@ def test_multipath_shifts_the_position_by_metres(gps: Bench[Gps]) -> None:
 def test_a_frozen_receiver_repeats_its_place(gps: Bench[Gps]) -> None:
     async def test(device: Gps, twin: Twin) -> None:
         await asyncio.sleep(1.0)
-        first = await device.next_fix()
-        twin.apply(now(), c.WorldPush(1.0, 0.0, 0.0))
-        second = await device.next_fix()
+        first = await fix_of_later(device, 1.0)
+        pushed_s = now()
+        twin.apply(pushed_s, c.WorldPush(1.0, 0.0, 0.0))
+        second = await fix_of_later(device, pushed_s)
         assert second.latitude_deg == first.latitude_deg
         assert second.stamp_s > first.stamp_s
 
     gps.run(test, "gps:stuck@1s")
+
+
+def test_two_antennas_tell_where_the_base_points(gps: Bench[Gps]) -> None:
+    async def test(device: Gps, twin: Twin) -> None:
+        assert (await device.next_fix()).heading_rad == pytest.approx(1.0, abs=0.02)
+        turned_s = now()
+        twin.apply(turned_s, c.WorldPush(0.0, 0.0, 0.5))
+        assert (await fix_of_later(device, turned_s)).heading_rad == pytest.approx(0.5, abs=0.02)
+
+    gps.run(test, gps_row_heading_rad=1.0, gps_two_antennas=True)
+
+
+def test_one_antenna_tells_no_heading(gps: Bench[Gps]) -> None:
+    async def test(device: Gps, twin: Twin) -> None:
+        assert (await device.next_fix()).heading_rad is None
+
+    gps.run(test)
