@@ -27,5 +27,8 @@ class StereoCamera(Protocol):
         ...
 
     async def set_exposure(self, exposure_s: float, gain: float) -> None:
-        """Exposure in seconds and linear gain (>= 1) of the frames that follow; ``ValueError`` outside the bounds."""
+        """Exposure in seconds and linear gain (>= 1) of the frames that follow; ``ValueError`` outside the bounds.
+
+        ``DeviceRefused`` where the exposure is fixed (a recording).
+        """
         ...

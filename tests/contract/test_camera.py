@@ -8,11 +8,18 @@ import numpy as np
 import pytest
 
 from drivers.camera.interface import StereoCamera
-from drivers.errors import DeviceFault, DeviceLost, DeviceMissing, DeviceTimeout
+from drivers.errors import DeviceFault, DeviceLost, DeviceMissing, DeviceRefused, DeviceTimeout
 from drivers.relay.values import Channel
 from drivers.twin import Twin
 from drivers.twin import commands as c
-from tests.contract.conftest import Bench
+from tests.contract.conftest import CAMERAS, Bench
+from tests.contract.rigs.camera import RECORDINGS
+
+
+@pytest.fixture(params=[name for name in CAMERAS if name not in RECORDINGS])
+def live_camera(request: pytest.FixtureRequest) -> Bench[StereoCamera]:
+    """A camera that looks at the twin as it is, not as it was recorded."""
+    return CAMERAS[request.param]
 
 
 def now() -> float:
@@ -57,7 +64,7 @@ def test_sequence_numbers_rise_with_the_stamps(camera: Bench[StereoCamera]) -> N
     camera.run(test)
 
 
-def test_a_longer_exposure_gives_a_brighter_picture(camera: Bench[StereoCamera]) -> None:
+def test_a_longer_exposure_gives_a_brighter_picture(live_camera: Bench[StereoCamera]) -> None:
     async def test(device: StereoCamera, twin: Twin) -> None:
         await device.set_exposure(0.001, 1.0)
         dark = await device.capture()
@@ -66,10 +73,10 @@ def test_a_longer_exposure_gives_a_brighter_picture(camera: Bench[StereoCamera])
         assert (dark.exposure_s, bright.exposure_s) == (0.001, 0.004)
         assert bright.left.mean() > 1.5 * dark.left.mean()
 
-    camera.run(test)
+    live_camera.run(test)
 
 
-def test_gain_brightens_too(camera: Bench[StereoCamera]) -> None:
+def test_gain_brightens_too(live_camera: Bench[StereoCamera]) -> None:
     async def test(device: StereoCamera, twin: Twin) -> None:
         await device.set_exposure(0.001, 1.0)
         dark = await device.capture()
@@ -78,22 +85,22 @@ def test_gain_brightens_too(camera: Bench[StereoCamera]) -> None:
         assert bright.gain == 4.0
         assert bright.left.mean() > 1.5 * dark.left.mean()
 
-    camera.run(test)
+    live_camera.run(test)
 
 
 @pytest.mark.parametrize(("exposure_s", "gain"), [(0.0, 1.0), (1.0, 1.0), (0.004, 0.5), (0.004, 100.0)])
 def test_exposure_and_gain_outside_the_bounds_are_refused(
-    camera: Bench[StereoCamera], exposure_s: float, gain: float
+    live_camera: Bench[StereoCamera], exposure_s: float, gain: float
 ) -> None:
     async def test(device: StereoCamera, twin: Twin) -> None:
         with pytest.raises(ValueError, match="expected"):
             await device.set_exposure(exposure_s, gain)
         assert (await device.capture()).exposure_s == twin.nominal.exposure_s
 
-    camera.run(test)
+    live_camera.run(test)
 
 
-def test_the_picture_moves_with_the_base(camera: Bench[StereoCamera]) -> None:
+def test_the_picture_moves_with_the_base(live_camera: Bench[StereoCamera]) -> None:
     async def test(device: StereoCamera, twin: Twin) -> None:
         before = await device.capture()
         again = await device.capture()
@@ -102,10 +109,10 @@ def test_the_picture_moves_with_the_base(camera: Bench[StereoCamera]) -> None:
         after = await device.capture()
         assert np.abs(before.left.astype(int) - after.left).mean() > 3.0 * noise
 
-    camera.run(test)
+    live_camera.run(test)
 
 
-def test_the_lamp_lights_the_picture_at_dusk(camera: Bench[StereoCamera]) -> None:
+def test_the_lamp_lights_the_picture_at_dusk(live_camera: Bench[StereoCamera]) -> None:
     async def test(device: StereoCamera, twin: Twin) -> None:
         await device.set_exposure(0.0005, 1.0)
         off = await device.capture()
@@ -113,24 +120,24 @@ def test_the_lamp_lights_the_picture_at_dusk(camera: Bench[StereoCamera]) -> Non
         on = await device.capture()
         assert on.left.mean() > off.left.mean() + 1.0
 
-    camera.run(test)
+    live_camera.run(test)
 
 
-def test_an_absent_camera_is_missing(camera: Bench[StereoCamera]) -> None:
+def test_an_absent_camera_is_missing(live_camera: Bench[StereoCamera]) -> None:
     async def test(device: StereoCamera, twin: Twin) -> None:
         with pytest.raises(DeviceMissing):
             await device.open()
 
-    camera.run(test, "camera:off", opened=False)
+    live_camera.run(test, "camera:off", opened=False)
 
 
-def test_a_camera_that_dies_ends_in_a_timeout(camera: Bench[StereoCamera]) -> None:
+def test_a_camera_that_dies_ends_in_a_timeout(live_camera: Bench[StereoCamera]) -> None:
     async def test(device: StereoCamera, twin: Twin) -> None:
         await asyncio.sleep(1.0)
         with pytest.raises(DeviceTimeout):
             await device.capture()
 
-    camera.run(test, "camera:off@1s")
+    live_camera.run(test, "camera:off@1s")
 
 
 def test_a_closed_camera_is_lost(camera: Bench[StereoCamera]) -> None:
@@ -142,16 +149,16 @@ def test_a_closed_camera_is_lost(camera: Bench[StereoCamera]) -> None:
     camera.run(test)
 
 
-def test_a_torn_frame_is_a_fault(camera: Bench[StereoCamera]) -> None:
+def test_a_torn_frame_is_a_fault(live_camera: Bench[StereoCamera]) -> None:
     async def test(device: StereoCamera, twin: Twin) -> None:
         await asyncio.sleep(1.0)
         with pytest.raises(DeviceFault):
             await device.capture()
 
-    camera.run(test, "camera:garbage@1s")
+    live_camera.run(test, "camera:garbage@1s")
 
 
-def test_a_frozen_camera_serves_the_same_picture_with_new_stamps(camera: Bench[StereoCamera]) -> None:
+def test_a_frozen_camera_serves_the_same_picture_with_new_stamps(live_camera: Bench[StereoCamera]) -> None:
     async def test(device: StereoCamera, twin: Twin) -> None:
         await asyncio.sleep(1.0)
         first = await device.capture()
@@ -159,4 +166,17 @@ def test_a_frozen_camera_serves_the_same_picture_with_new_stamps(camera: Bench[S
         assert np.array_equal(first.left, second.left)
         assert second.stamp_s > first.stamp_s
 
-    camera.run(test, "camera:stuck@1s")
+    live_camera.run(test, "camera:stuck@1s")
+
+
+@pytest.mark.parametrize("name", RECORDINGS)
+def test_the_exposure_of_a_recording_is_fixed(name: str) -> None:
+    async def test(device: StereoCamera, twin: Twin) -> None:
+        before = await device.capture()
+        await device.set_exposure(before.exposure_s, before.gain)
+        with pytest.raises(DeviceRefused, match="recording"):
+            await device.set_exposure(2.0 * before.exposure_s, before.gain)
+        after = await device.capture()
+        assert (after.exposure_s, after.gain) == (before.exposure_s, before.gain)
+
+    CAMERAS[name].run(test)

@@ -3,16 +3,23 @@
 from __future__ import annotations
 
 import asyncio
+import shutil
+import tempfile
 from collections.abc import Awaitable, Callable
 from contextlib import suppress
+from pathlib import Path
+
+import cv2
 
 from drivers.camera.darkroom import InProcess
 from drivers.camera.emulator import CameraEmulator
+from drivers.camera.files import FilesCamera, FilesSettings
 from drivers.camera.stereo_usb import StereoUsb
 from drivers.camera.stereo_usb_settings import StereoUsbSettings
 from drivers.twin import Twin
 from tests.contract.rigged import Rigged
 
+RECORDINGS = ("files",)  # of the cameras under contract, those that show what was, not what is
 PATIENT_S = 1.0  # on a machine that may be busy with other things
 
 
@@ -48,6 +55,29 @@ def emulated_camera(twin: Twin, clock: Callable[[], float]) -> Rigged[StereoUsb]
     device.plug = emulator.plug
     life = asyncio.get_running_loop().create_task(emulator.serve())
     return Rigged(device, more_busy=lambda: True, before_unplugging=lambda: end(life))
+
+
+def recorded_camera(twin: Twin, clock: Callable[[], float]) -> Rigged[FilesCamera]:
+    """A recording of a few pairs, looped."""
+    nominal = twin.nominal
+    settings = FilesSettings(
+        record(twin, Path(tempfile.mkdtemp(prefix="recording-"))), nominal.optics.image_size, nominal.exposure_s,
+        nominal.gain, nominal.camera_rate_hz,
+    )  # fmt: skip
+
+    async def forget() -> None:
+        shutil.rmtree(settings.source)
+
+    return Rigged(FilesCamera(settings, clock), before_unplugging=forget)
+
+
+def record(twin: Twin, folder: Path, pairs: int = 3) -> Path:
+    """What the twin's camera sees, as images in a folder."""
+    for number in range(pairs):
+        views = twin.expose(0.0, twin.nominal.exposure_s, twin.nominal.gain, number)
+        for side, view in zip(("left", "right"), views, strict=True):
+            cv2.imwrite(str(folder / f"{number:03d}_{side}.png"), view)
+    return folder
 
 
 async def end(life: asyncio.Task[None]) -> None:
