@@ -27,8 +27,8 @@ _AREAS = {
 class Probe:
     """``count`` bits or words from ``address`` on must be readable, and say ``what``.
 
-    ``own_id``: the unit's own id. ``text``: stands in what they spell, one character a word. Otherwise each lies
-    within ``low`` and ``high``.
+    ``own_id``: the unit's own id. ``text``: stands in what they spell, one character a word. ``absent``: they are not
+    to be readable. Otherwise each lies within ``low`` and ``high``.
     """
 
     what: str
@@ -39,6 +39,7 @@ class Probe:
     high: int = 0xFFFF
     own_id: bool = False
     text: str = ""
+    absent: bool = False
 
     @property
     def place(self) -> str:
@@ -68,6 +69,9 @@ def prove(line: ModbusLine, device: str, unit_id: int, kind: str, probes: Sequen
     """Ask every probe. ``DeviceMissing`` (silence), ``WrongDevice`` (something else, or two of them), ``OSError``."""
     unit = line.unit(device, unit_id, timeout_s)
     for number, probe in enumerate(probes):
+        if probe.absent:
+            _prove_absent(unit, device, unit_id, kind, probe)
+            continue
         expected = f"a {kind} with unit id {unit_id}: {probe.what} at {probe.place}"
         try:
             words = insist(lambda probe=probe: probe.read(unit))  # type: ignore[misc]
@@ -92,6 +96,15 @@ def prove(line: ModbusLine, device: str, unit_id: int, kind: str, probes: Sequen
                 device, f"one unit {unit_id} on the bus", f"a second answer ({stray[:16].hex(' ')})",
                 "give each unit on the bus an id of its own",
             )  # fmt: skip
+
+
+def _prove_absent(unit: ModbusUnit, device: str, unit_id: int, kind: str, probe: Probe) -> None:
+    try:
+        words = insist(lambda: probe.read(unit))
+    except (ModbusRefusal, DeviceTimeout):
+        return
+    expected = f"a {kind} with unit id {unit_id}, which has nothing at {probe.place}"
+    raise _wrong(device, expected, f"{probe.what}: {' '.join(map(str, words))}")
 
 
 def insist(read: Callable[[], T], tries: int = TRIES) -> T:

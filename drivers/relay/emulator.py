@@ -180,12 +180,25 @@ class DelayBoard:
 
 
 class Ryn408fBoard(DelayBoard):
-    """The same commands from register 0 on, with its settings readable."""
+    """The same commands from register 0 on, its settings readable, and its relays as coils too."""
 
     BITMAP, ADDRESS, BAUD, PARITY = 0x0080, 0x00FD, 0x00FE, 0x00FF
 
     def __init__(self, outputs: Outputs, unit_id: int) -> None:
         super().__init__(outputs, 0, unit_id)
+
+    def answer(self, function: int, data: bytes) -> bytes | None:
+        address, value = int.from_bytes(data[:2], "big"), int.from_bytes(data[2:4], "big")
+        if function == 1:
+            return bits(self.outputs.contacts(), address, value)
+        if function == 5:
+            if not address < self.outputs.count:
+                raise ModbusException(ILLEGAL_ADDRESS)
+            if value not in (COIL_ON, COIL_OFF):
+                raise ModbusException(ILLEGAL_VALUE)
+            self._switch(address + 1, value == COIL_ON)
+            return data
+        return super().answer(function, data)
 
     def registers(self) -> dict[int, int]:
         bitmap = sum(on << place for place, on in enumerate(self.outputs.contacts()))

@@ -86,7 +86,10 @@ _R4D8A08 = _by_register(
     "r4d8a08",
     "R4D8A08 relay board",
     1,
-    (Probe("8 relay states of 0 or 1", pdu.READ_HOLDING, 1, 8, high=1),),
+    (
+        Probe("8 relay states of 0 or 1", pdu.READ_HOLDING, 1, 8, high=1),
+        Probe("coils, as its kin with other addresses have them", pdu.READ_COILS, 0, 8, absent=True),
+    ),
 )
 
 _RYN408F = _by_register(
