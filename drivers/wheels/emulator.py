@@ -8,14 +8,7 @@ from collections.abc import Callable
 from dataclasses import replace
 from enum import Enum
 
-from drivers.emulation.bad_line import BadLine
-from drivers.emulation.modbus_slave import (
-    ILLEGAL_ADDRESS,
-    ILLEGAL_FUNCTION,
-    ILLEGAL_VALUE,
-    ModbusException,
-    ModbusSlaves,
-)
+from drivers.emulation.modbus_slave import ILLEGAL_ADDRESS, ILLEGAL_FUNCTION, ILLEGAL_VALUE, ModbusException
 from drivers.twin.commands import WheelsDrive, WheelsRamps, WheelsStop
 from drivers.twin.faults import Verb
 from drivers.twin.machine import Twin
@@ -24,7 +17,6 @@ from drivers.wheels.drive_geometry import Mounting, WheelPair, base_motion, coun
 from drivers.wheels.mock import WRONG_SCALE
 from drivers.wheels.values import Odometry
 
-BAUD = 115_200
 SOFTWARE_VERSION = 0x0104
 NEVER_S = 1e9
 ROLLING_CURRENT_A = 0.6
@@ -88,6 +80,11 @@ class Zlac8015dEmulator:
         """Let its channels' counters show these values now."""
         counted = self._counted(self._twin.odometry(self._clock()))
         self._origin = WheelPair(counted.left - left, counted.right - right)
+
+    def preset_targets(self, left_rpm: int, right_rpm: int) -> None:
+        """Let wanted speeds stand in its registers, as a host that died may leave them."""
+        self._words[r.LEFT_TARGET.address] = r.word_of(left_rpm)
+        self._words[r.RIGHT_TARGET.address] = r.word_of(right_rpm)
 
     def _power_on(self) -> None:
         self._words = {a: register.at_power_on for a, register in r.REGISTERS.items() if register.writable}
@@ -283,17 +280,3 @@ class Zlac8015dEmulator:
 
 def _sign(value: float) -> float:
     return math.copysign(1.0, value) if value else 0.0
-
-
-class WheelsEmulator:
-    """The controller alone on its bus, as a wire needs it."""
-
-    def __init__(self, twin: Twin, clock: Callable[[], float], byte_s: float, unit_id: int = 1) -> None:
-        self.controller = Zlac8015dEmulator(twin, clock)
-        self._slaves, self._unit_id = ModbusSlaves(clock, byte_s), unit_id
-
-    def receive(self, data: bytes) -> None:
-        self._slaves.receive(data)
-
-    def connect(self, line: BadLine) -> None:
-        self._slaves.add(self._unit_id, self.controller, line)

@@ -5,10 +5,10 @@ from __future__ import annotations
 import asyncio
 import math
 from collections.abc import Callable
+from concurrent.futures import Future
 
 from drivers.errors import DeviceError, DeviceFault, DeviceLost, DeviceRefused, DeviceTimeout
 from drivers.modbus_master import ModbusLine, ModbusMaster, ModbusUnit
-from drivers.serial_port import Timer
 from drivers.wheels import zlac_registers as r
 from drivers.wheels import zlac_talk as talk
 from drivers.wheels.drive_geometry import LongCount, WheelPair, rpm_of, speed_of, wheel_speeds
@@ -25,9 +25,10 @@ STANDSTILL_SPARE_S = 1.0
 class Zlac8015dWheels:
     """Implements ``drivers.wheels.interface.Wheels``; ``clock`` gives loop time.
 
-    Two time-outs stop the base: the controller's, which any answered frame holds off, and the driver's own, which only
-    ``drive`` does. Speeds between whole rpm are made by commanding the steps below and above in turn (``RpmSteps``).
-    A fault of the controller is a ``DeviceFault`` of every reading and is cleared by ``clear_alarm`` only.
+    Two time-outs stop the base: the controller's, which any frame for it holds off, and the driver's own on the event
+    loop, which only ``drive`` does; with the loop dead no frame comes any more. Speeds between whole rpm are made by
+    commanding the steps below and above in turn (``RpmSteps``). A fault of the controller is a ``DeviceFault`` of every
+    reading and is cleared by ``clear_alarm`` only.
     """
 
     def __init__(self, settings: Zlac8015dSettings, master: ModbusMaster, clock: Callable[[], float]) -> None:
@@ -37,7 +38,7 @@ class Zlac8015dWheels:
         self._is_open = False
         self._stops = 0  # counted, so that a drive command that a stop overtook is not sent after it
         self._moving = False
-        self._lapse: Timer | None = None
+        self._lapse: asyncio.TimerHandle | None = None
         self._lapse_error: DeviceError | None = None
         self._counts: tuple[LongCount, LongCount] | None = None
 
@@ -69,6 +70,7 @@ class Zlac8015dWheels:
             await self._master.run(lambda line: talk.control(self._unit(line), r.Control.DISABLE))
         finally:
             self._is_open = False
+            self._expect_renewal(False)
             await self._master.detach(DEVICE)
 
     async def drive(self, speed_m_s: float, yaw_rate_rad_s: float) -> None:
@@ -77,12 +79,13 @@ class Zlac8015dWheels:
                 DEVICE, "finite speeds", f"{speed_m_s} m/s and {yaw_rate_rad_s} rad/s", "command 0 to stand still"
             )
         self._require_open()
+        self._expect_renewal(speed_m_s != 0.0 or yaw_rate_rad_s != 0.0)
         stops, asked_s = self._stops, self._clock()
 
         def job(line: ModbusLine) -> None:
             if stops != self._stops:
                 raise DeviceRefused(DEVICE, "no stop since the command", "one", "command anew")
-            if (age_s := self._clock() - asked_s) > self.command_timeout_s:
+            if (age_s := self._clock() - asked_s) >= self.command_timeout_s:
                 raise DeviceTimeout(
                     DEVICE, f"the bus within {self.command_timeout_s:g} s", f"it busy for {age_s:.1f} s",
                     "look for a silent device on the same bus",
@@ -93,14 +96,12 @@ class Zlac8015dWheels:
 
     async def stop(self) -> None:
         """Brake to standstill, before all that waits for the bus; by the emergency stop when 0 is not acknowledged."""
-        self._require_open()
-        self._stops += 1
+        self._overtake()
         await self._master.stop(self._halt)
 
     async def emergency_stop(self) -> None:
         """The controller's own emergency stop; the next ``drive`` leaves it."""
-        self._require_open()
-        self._stops += 1
+        self._overtake()
 
         def job(line: ModbusLine) -> None:
             self._stand_down()
@@ -110,8 +111,7 @@ class Zlac8015dWheels:
 
     async def clear_alarm(self) -> None:
         """Clear a latched alarm and set the controller up anew, at rest. ``DeviceFault`` while its cause is there."""
-        self._require_open()
-        self._stops += 1
+        self._overtake()
 
         def job(line: ModbusLine) -> None:
             self._stand_down()
@@ -124,6 +124,9 @@ class Zlac8015dWheels:
 
     async def odometry(self) -> Odometry:
         self._require_open()
+        if self._lapse_error is not None:
+            error, self._lapse_error = self._lapse_error, None
+            raise error
         return await self._master.run(self._read_odometry)
 
     async def diagnostics(self) -> Zlac8015dDiagnostics:
@@ -154,10 +157,8 @@ class Zlac8015dWheels:
         channels = self._mounting.channels(
             WheelPair(rpm_of(wheels_m_s.left, radius_m), rpm_of(wheels_m_s.right, radius_m))
         )
-        now_s = self._clock()
         self._moving = True
-        self._keep_going_until(now_s + self.command_timeout_s)
-        talk.command(unit, *self._steps.next(channels, now_s))
+        talk.command(unit, *self._steps.next(channels, self._clock()))
 
     def _begin(self, unit: ModbusUnit) -> None:
         """Before the wheels turn: the controller is as it was set up, without a fault, at 0, and enabled."""
@@ -176,25 +177,8 @@ class Zlac8015dWheels:
         """Nothing is to move from here on."""
         self._moving = False
         self._steps.reset()
-        if self._lapse is not None:
-            self._lapse.cancelled = True
-            self._lapse = None
-
-    def _keep_going_until(self, due_s: float) -> None:
-        if self._lapse is not None:
-            self._lapse.cancelled = True
-        self._lapse = self._master.at(due_s, self._command_lapsed)
-
-    def _command_lapsed(self, line: ModbusLine) -> None:
-        try:
-            self._halt(line)
-        except DeviceError as error:
-            self._lapse_error = error
 
     def _read_odometry(self, line: ModbusLine) -> Odometry:
-        if self._lapse_error is not None:
-            error, self._lapse_error = self._lapse_error, None
-            raise error
         unit = self._unit(line)
 
         def read() -> tuple[float, list[int], float]:
@@ -217,6 +201,28 @@ class Zlac8015dWheels:
         )
 
     # --- on the event loop ------------------------------------------------------------------------------------
+
+    def _overtake(self) -> None:
+        """What has been commanded and not sent will not be."""
+        self._require_open()
+        self._stops += 1
+        self._expect_renewal(False)
+
+    def _expect_renewal(self, moving: bool) -> None:
+        if self._lapse is not None:
+            self._lapse.cancel()
+        loop = asyncio.get_running_loop()
+        self._lapse = loop.call_later(self.command_timeout_s, self._command_lapsed) if moving else None
+
+    def _command_lapsed(self) -> None:
+        self._lapse = None
+        self._master.post_stop(self._halt).add_done_callback(self._lapse_done)
+
+    def _lapse_done(self, halted: Future[None]) -> None:
+        """A base that could not be halted is told of at the next reading; a lost port tells of itself."""
+        error = halted.exception()
+        if isinstance(error, DeviceError) and not isinstance(error, DeviceLost):
+            self._lapse_error = error
 
     async def _stand(self) -> None:
         """Wait until both wheels stand."""

@@ -50,6 +50,10 @@ def prove_identity(unit: ModbusUnit, unit_id: int) -> None:
             DEVICE, wanted, f"something that answers its registers with {refusal.found}",
             "correct the port or the unit id in the configuration",
         ) from refusal  # fmt: skip
+    except DeviceFault as fault:
+        raise DeviceFault(
+            DEVICE, wanted, fault.found, "check the baud rate, that nothing else is on this port, and the cable"
+        ) from fault
     supply_v = 0.01 * reading[r.BUS_VOLTAGE.address - r.FIRST_READING]
     low_v, high_v = PLAUSIBLE_SUPPLY_V
     for ok, told in (

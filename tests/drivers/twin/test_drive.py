@@ -116,3 +116,19 @@ def test_the_drawn_wheels_differ_by_a_percent_at_most() -> None:
     for seed in range(20):
         for radius in draw(NOMINAL, seed).wheel_radius_m:
             assert radius / NOMINAL.wheel_radius_m == pytest.approx(1.0, abs=0.011)
+
+
+def test_a_controller_that_was_set_keeps_to_its_own_ramps_and_time_out() -> None:
+    base = drive()
+    base.set_ramps(0.2, 0.8, 10.0)
+    base.command(0.0, 0.4, 0.0)
+    base.advance(1.0)
+    assert base.speeds_m_s[0] == pytest.approx(0.2)
+    base.command(1.0, 0.0, 0.0)
+    base.advance(1.1)
+    assert base.speeds_m_s[0] == pytest.approx(0.12)
+    base.command(1.1, 0.1, 0.0)
+    base.advance(11.0)
+    assert base.speeds_m_s[0] == pytest.approx(0.1)
+    base.advance(12.0)
+    assert base.resting
