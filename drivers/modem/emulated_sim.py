@@ -1,10 +1,11 @@
-"""An emulated SIM: its lock, its numbers, and its store of texts."""
+"""An emulated SIM: its lock and its numbers; and stores of texts, on the SIM and in the modem."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, field
 
 PIN_TRIES, PUK_TRIES = 3, 10
+SIM_SLOTS, MODEM_SLOTS = 30, 50
 RECEIVED_UNREAD, RECEIVED_READ, DRAFT, DRAFT_SENT = 0, 1, 2, 3
 
 
@@ -19,12 +20,31 @@ class StoredPdu:
 
 
 @dataclass(slots=True)
+class TextStore:
+    """Slots count from 1."""
+
+    capacity: int
+    slots: dict[int, StoredPdu] = field(default_factory=dict)
+
+    def store(self, entry: StoredPdu) -> int | None:
+        """The slot, the lowest that is free; None when there is none."""
+        for slot in range(1, self.capacity + 1):
+            if slot not in self.slots:
+                self.slots[slot] = entry
+                return slot
+        return None
+
+    @property
+    def free(self) -> int:
+        return self.capacity - len(self.slots)
+
+
+@dataclass(slots=True)
 class EmulatedSim:
-    """``pin`` None: never asked for. ``inserted`` False: the reader finds none. Slots count from 1."""
+    """``pin`` None: never asked for. ``inserted`` False: the reader finds none."""
 
     pin: str | None = None
     puk: str = "12345678"
-    capacity: int = 30
     inserted: bool = True
     smsc: str = "+491710760000"
     number: str = "+491700000001"
@@ -32,7 +52,7 @@ class EmulatedSim:
     pin_tries: int = PIN_TRIES
     puk_tries: int = PUK_TRIES
     unlocked: bool = False
-    slots: dict[int, StoredPdu] = field(default_factory=dict)
+    texts: TextStore = field(default_factory=lambda: TextStore(SIM_SLOTS))
 
     @property
     def state(self) -> str:
@@ -68,15 +88,3 @@ class EmulatedSim:
             return False
         self.pin, self.unlocked, self.pin_tries, self.puk_tries = new_pin, True, PIN_TRIES, PUK_TRIES
         return True
-
-    def store(self, entry: StoredPdu) -> int | None:
-        """The slot, the lowest that is free; None when there is none."""
-        for slot in range(1, self.capacity + 1):
-            if slot not in self.slots:
-                self.slots[slot] = entry
-                return slot
-        return None
-
-    @property
-    def free(self) -> int:
-        return self.capacity - len(self.slots)

@@ -8,7 +8,7 @@ from typing import Protocol
 from drivers.modem import at_words
 from drivers.modem.concatenation import alphabet_for
 from drivers.modem.emulated_commands import AtError, Radio, Reply, number, require_sim, words
-from drivers.modem.emulated_sim import DRAFT, DRAFT_SENT, RECEIVED_READ, RECEIVED_UNREAD, StoredPdu
+from drivers.modem.emulated_sim import DRAFT, DRAFT_SENT, RECEIVED_READ, RECEIVED_UNREAD, StoredPdu, TextStore
 from drivers.modem.emulated_state import ModemState
 from drivers.modem.pdu import Submit, decode_deliver, decode_submit, encode_submit
 
@@ -21,6 +21,12 @@ _REPORT_ASKED = 0x20
 
 class Sender(Radio, Protocol):
     """A radio that texts can be given to."""
+
+    def store(self, use: int) -> TextStore:
+        """For reading and deleting (0), writing (1), receiving (2)."""
+        ...
+
+    def store_named(self, name: str) -> TextStore: ...
 
     def transmit(self, submit: Submit) -> None:
         """The result follows when the network has it."""
@@ -71,17 +77,21 @@ def _smsc(radio: Sender, form: str) -> Reply:
 
 def _stores(radio: Sender, form: str) -> Reply:
     _require_store(radio)
-    used, capacity = len(radio.sim.slots), radio.sim.capacity
     if form == "=?":
         names = "(" + ",".join(f'"{name}"' for name in STORES) + ")"
         return Reply([f"+CPMS: {names},{names},{names}"])
     if form == "?":
-        return Reply(["+CPMS: " + ",".join(f'"{name}",{used},{capacity}' for name in radio.state.stores)])
+        return Reply(["+CPMS: " + ",".join(f'"{name}",{_filling(radio, name)}' for name in radio.state.stores)])
     told = words(form[1:])
     if not 1 <= len(told) <= 3 or any(name not in STORES for name in told):
         raise _message_error(302)
     radio.state.stores = (*told, *radio.state.stores[len(told) :])  # type: ignore[assignment]  # three again
-    return Reply([f"+CPMS: {','.join([f'{used},{capacity}'] * 3)}"])
+    return Reply([f"+CPMS: {','.join(_filling(radio, name) for name in radio.state.stores)}"])
+
+
+def _filling(radio: Sender, name: str) -> str:
+    store = radio.store_named(name)
+    return f"{len(store.slots)},{store.capacity}"
 
 
 def _notices(radio: Sender, form: str) -> Reply:
@@ -132,7 +142,7 @@ def _list(radio: Sender, form: str) -> Reply:
     else:
         wanted = number(word[0], 0, 1, 2, 3, 4) if word else RECEIVED_UNREAD
     lines: list[str] = []
-    for slot, entry in sorted(radio.sim.slots.items()):
+    for slot, entry in sorted(radio.store(0).slots.items()):
         if wanted in (4, entry.state):
             lines += _shown(radio.state, entry, f"+CMGL: {slot},")
             entry.state = RECEIVED_READ if entry.state == RECEIVED_UNREAD else entry.state
@@ -142,9 +152,10 @@ def _list(radio: Sender, form: str) -> Reply:
 def _read(radio: Sender, form: str) -> Reply:
     _require_store(radio)
     slot = number(form[1:].partition(",")[0])
-    if not 1 <= slot <= radio.sim.capacity:
+    store = radio.store(0)
+    if not 1 <= slot <= store.capacity:
         raise _message_error(INVALID_INDEX)
-    entry = radio.sim.slots.get(slot)
+    entry = store.slots.get(slot)
     if entry is None:
         return Reply()
     lines = _shown(radio.state, entry, "+CMGR: ")
@@ -154,19 +165,19 @@ def _read(radio: Sender, form: str) -> Reply:
 
 def _delete(radio: Sender, form: str) -> Reply:
     _require_store(radio)
-    sim = radio.sim
+    store = radio.store(0)
     if form == "=?":
-        return Reply([f"+CMGD: ({','.join(map(str, sorted(sim.slots)))}),(0-4)"])
+        return Reply([f"+CMGD: ({','.join(map(str, sorted(store.slots)))}),(0-4)"])
     told = words(form[1:])
     slot, flag = number(told[0] if told else ""), number(told[1], 0, 1, 2, 3, 4) if len(told) > 1 else 0
     if flag:
         states = {1: (1,), 2: (1, 3), 3: (1, 2, 3), 4: (0, 1, 2, 3)}[flag]
-        for each in [each for each, entry in sim.slots.items() if entry.state in states]:
-            del sim.slots[each]
-    elif not 1 <= slot <= sim.capacity:
+        for each in [each for each, entry in store.slots.items() if entry.state in states]:
+            del store.slots[each]
+    elif not 1 <= slot <= store.capacity:
         raise _message_error(INVALID_INDEX)
     else:
-        sim.slots.pop(slot, None)
+        store.slots.pop(slot, None)
     radio.deleted()
     return Reply()
 

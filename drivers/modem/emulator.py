@@ -19,7 +19,7 @@ from drivers.modem.emulated_commands import (
 )
 from drivers.modem.emulated_line import CommandLine, split_commands
 from drivers.modem.emulated_post import EmulatedPost
-from drivers.modem.emulated_sim import RECEIVED_UNREAD, EmulatedSim, StoredPdu
+from drivers.modem.emulated_sim import MODEM_SLOTS, RECEIVED_UNREAD, EmulatedSim, StoredPdu, TextStore
 from drivers.modem.emulated_state import ModemState
 from drivers.modem.emulated_texts import TEXTS, TextHandler
 from drivers.modem.mock import SENDING_S, WRONG_DBM
@@ -35,7 +35,7 @@ TICK_S = 0.5
 STATUS_REPORT = 2
 
 
-class GsmEmulator:
+class ModemEmulator:
     """Strict and stateful. ``awkward``: what nobody asked for comes between echo and result, or prompt and reference.
 
     ``clock`` is the running loop's time. ``serve`` lets it say by itself what happens in the network.
@@ -52,6 +52,7 @@ class GsmEmulator:
     ) -> None:
         self._twin, self._clock = twin, clock
         self.sim = EmulatedSim() if sim is None else sim
+        self.memory = TextStore(MODEM_SLOTS)
         self.state = ModemState()
         self._post = EmulatedPost(twin, clock, self.sim.smsc)
         self._handlers: dict[str, Handler | TextHandler] = {**GENERAL, **TEXTS, **(LTE if lte else {})}
@@ -197,6 +198,12 @@ class GsmEmulator:
         self._ready_s = self._clock() + REGISTERING_S
         self.notify("+CPIN: READY")
 
+    def store(self, use: int) -> TextStore:
+        return self.store_named(self.state.stores[use])
+
+    def store_named(self, name: str) -> TextStore:
+        return self.sim.texts if name == "SM" else self.memory
+
     def transmit(self, submit: Submit) -> None:
         """The network takes its time; what the host says meanwhile waits."""
         self._input.hold()
@@ -216,13 +223,14 @@ class GsmEmulator:
         self._input.go_on()
 
     def store_draft(self, entry: StoredPdu) -> None:
-        slot = self.sim.store(entry)
+        slot = self.store(1).store(entry)
         if slot is None:
             raise AtError(at_words.MEMORY_FULL, "+CMS ERROR")
         self.result(f"+CMGW: {slot}", "OK")
 
     def deleted(self) -> None:
-        self._post.gone({entry.text for entry in self.sim.slots.values() if entry.text is not None})
+        stored = [*self.sim.texts.slots.values(), *self.memory.slots.values()]
+        self._post.gone({entry.text for entry in stored if entry.text is not None})
         if self.registered and self._verb is not Verb.STUCK:
             self._take_in()
 
@@ -262,13 +270,14 @@ class GsmEmulator:
     def _take_in(self) -> None:
         """What the network holds, as far as there is room."""
         wanted = self.state.notices[1]
-        while self._post.waiting and (self.sim.free or wanted == 2):
+        while self._post.waiting and (self.store(2).free or wanted == 2):
             incoming = self._post.waiting.popleft()
             if wanted == 2:
                 self.notify(f"+CMT: ,{incoming.octets}\r\n{incoming.pdu}")
                 self.deleted()
                 continue
-            slot = self.sim.store(StoredPdu(RECEIVED_UNREAD, incoming.pdu, incoming.octets, incoming.text))
+            entry = StoredPdu(RECEIVED_UNREAD, incoming.pdu, incoming.octets, incoming.text)
+            slot = self.store(2).store(entry)
             if wanted == 1:
                 self.notify(f'+CMTI: "{self.state.stores[2]}",{slot}')
 
@@ -278,8 +287,8 @@ class GsmEmulator:
             wanted = self.state.notices[3]
             if wanted == 1:
                 self.notify(f"+CDS: {report.octets}\r\n{report.pdu}")
-            elif wanted == STATUS_REPORT and self.sim.free:
-                slot = self.sim.store(StoredPdu(RECEIVED_UNREAD, report.pdu, report.octets))
+            elif wanted == STATUS_REPORT and self.store(2).free:
+                slot = self.store(2).store(StoredPdu(RECEIVED_UNREAD, report.pdu, report.octets))
                 self.notify(f'+CDSI: "{self.state.stores[2]}",{slot}')
 
     @property

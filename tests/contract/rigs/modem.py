@@ -9,7 +9,7 @@ from contextlib import suppress
 from drivers.emulation.bad_line import BadLine
 from drivers.emulation.wire import PtyWire
 from drivers.line import PortSettings
-from drivers.modem.emulator import GsmEmulator
+from drivers.modem.emulator import ModemEmulator
 from drivers.modem.gsm import GsmModem
 from drivers.modem.gsm_settings import GsmSettings
 from drivers.twin import Twin
@@ -20,7 +20,7 @@ SETTINGS = GsmSettings(answer_timeout_s=2.0)
 
 
 def emulated_modem(twin: Twin, clock: Callable[[], float]) -> Rigged[GsmModem]:
-    emulator = GsmEmulator(twin, clock)
+    emulator = ModemEmulator(twin, clock)
     wire = PtyWire(BAUD, emulator.receive)
     emulator.connect(BadLine("modem", twin, clock, wire.send, wire.byte_s))
     wire.plug()
