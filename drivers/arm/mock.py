@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import asyncio
-from bisect import bisect_right
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 
@@ -100,7 +99,7 @@ class MockArm:
                 now_s = self._clock()
                 await self._bus.require_answer()
                 self._require_working(servos.torque_on, servos.errors)
-                self._twin.apply(self._clock(), ArmGoal(_at(trajectory, now_s - start_s)))
+                self._twin.apply(self._clock(), ArmGoal(trajectory.at(now_s - start_s)))
                 if now_s >= end_s:
                     return
                 cycle += 1
@@ -117,16 +116,6 @@ class MockArm:
 
     def _brake(self) -> None:
         self._twin.apply(self._clock(), ArmHold())
-
-
-def _at(trajectory: JointTrajectory, time_s: float) -> tuple[float, ...]:
-    """Joint angles at a time of the trajectory, its last way point after its end."""
-    k = bisect_right(trajectory.times_s, time_s)
-    if k == len(trajectory.times_s):
-        return trajectory.goal_rad
-    (begin_s, end_s), (begin, end) = trajectory.times_s[k - 1 : k + 1], trajectory.positions_rad[k - 1 : k + 1]
-    share = (time_s - begin_s) / (end_s - begin_s)
-    return tuple(a + share * (b - a) for a, b in zip(begin, end, strict=True))
 
 
 def _first_joint_off(state: ArmState) -> ArmState:

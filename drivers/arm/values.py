@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from bisect import bisect_right
 from dataclasses import dataclass
 
 
@@ -44,3 +45,12 @@ class JointTrajectory:
     @property
     def goal_rad(self) -> tuple[float, ...]:
         return self.positions_rad[-1]
+
+    def at(self, time_s: float) -> tuple[float, ...]:
+        """Joint angles at a time of the trajectory, the last way point after its end."""
+        k = bisect_right(self.times_s, time_s)
+        if k == len(self.times_s):
+            return self.goal_rad
+        (begin_s, end_s), (begin, end) = self.times_s[k - 1 : k + 1], self.positions_rad[k - 1 : k + 1]
+        share = (time_s - begin_s) / (end_s - begin_s)
+        return tuple(a + share * (b - a) for a, b in zip(begin, end, strict=True))

@@ -54,6 +54,44 @@ class ArmTorque:
 
 
 @dataclass(frozen=True, slots=True)
+class JointGoal:
+    """One streamed goal position of one joint, as encoder angle."""
+
+    joint: int
+    rad: float
+
+
+@dataclass(frozen=True, slots=True)
+class JointMove:
+    """One joint moves to rest at an encoder angle, however fast it is now."""
+
+    joint: int
+    rad: float
+
+
+@dataclass(frozen=True, slots=True)
+class JointHold:
+    """One joint brakes and keeps its place."""
+
+    joint: int
+
+
+@dataclass(frozen=True, slots=True)
+class JointTorque:
+    joint: int
+    on: bool
+
+
+@dataclass(frozen=True, slots=True)
+class JointProfile:
+    """A joint's servo keeps to limits below its own; 0 is no such limit."""
+
+    joint: int
+    velocity_rad_s: float
+    acceleration_rad_s2: float
+
+
+@dataclass(frozen=True, slots=True)
 class WheelsDrive:
     speed_m_s: float
     yaw_rate_rad_s: float
@@ -128,6 +166,11 @@ class WorldServoError:
 
 
 @dataclass(frozen=True, slots=True)
+class WorldCradle:
+    """The arm is found without torque, at rest in its cradle, which bears it until it first leaves."""
+
+
+@dataclass(frozen=True, slots=True)
 class WorldRefill:
     """The tank now holds ``tank_ml``."""
 
@@ -155,6 +198,7 @@ WorldCommand = (
     | WorldTilt
     | WorldPush
     | WorldServoError
+    | WorldCradle
     | WorldRefill
     | WorldGpsQuality
     | WorldNetwork
@@ -166,6 +210,11 @@ Command = (
     | ArmGoal
     | ArmHold
     | ArmTorque
+    | JointGoal
+    | JointMove
+    | JointHold
+    | JointTorque
+    | JointProfile
     | WheelsDrive
     | WheelsStop
     | WheelsRamps
@@ -181,6 +230,11 @@ _NAMES: dict[type[Command], tuple[str, str]] = {
     ArmGoal: ("arm", "goal"),
     ArmHold: ("arm", "hold"),
     ArmTorque: ("arm", "torque"),
+    JointGoal: ("arm", "joint_goal"),
+    JointMove: ("arm", "joint_move"),
+    JointHold: ("arm", "joint_hold"),
+    JointTorque: ("arm", "joint_torque"),
+    JointProfile: ("arm", "joint_profile"),
     WheelsDrive: ("wheels", "drive"),
     WheelsStop: ("wheels", "stop"),
     WheelsRamps: ("wheels", "ramps"),
@@ -192,6 +246,7 @@ _NAMES: dict[type[Command], tuple[str, str]] = {
     WorldTilt: ("world", "tilt"),
     WorldPush: ("world", "push"),
     WorldServoError: ("world", "servo_error"),
+    WorldCradle: ("world", "cradle"),
     WorldRefill: ("world", "refill"),
     WorldGpsQuality: ("world", "gps_quality"),
     WorldNetwork: ("world", "network"),

@@ -108,6 +108,9 @@ class Twin:
             case c.ArmGoal() | c.ArmHold() | c.ArmTorque() | c.WheelsDrive() | c.WheelsStop() | c.WheelsRamps():
                 if self.physics.obey(command):
                     self._snapshot(self.physics.t_s)
+            case c.JointGoal() | c.JointMove() | c.JointHold() | c.JointTorque() | c.JointProfile():
+                if self.physics.obey_joint(command):
+                    self._snapshot(self.physics.t_s)
             case c.ModemSend(number, text):
                 self._network.send(now_s, number, text)
             case c.ModemTake():
@@ -130,6 +133,8 @@ class Twin:
                 self._snapshot(self.physics.t_s)
             case c.WorldServoError(joint, error):
                 self.physics.servos.servo_error(joint, error)
+            case c.WorldCradle():
+                self.physics.servos.lie_in_cradle()
             case c.WorldRefill(tank_ml):
                 self.physics.refill(tank_ml)
             case c.WorldText(sender, text):
@@ -148,6 +153,11 @@ class Twin:
     def arm_state(self, now_s: float) -> ArmState:
         self.advance(now_s)
         return self.physics.servos.reading(self.physics.t_s, now_s, self._noise)
+
+    def joint_profiles(self, now_s: float) -> tuple[tuple[float, float], ...]:
+        """Where each servo's own profile is (encoder angle, rad and rad/s): what the joint follows."""
+        self.advance(now_s)
+        return self.physics.servos.profiles
 
     def odometry(self, now_s: float) -> Odometry:
         self.advance(now_s)

@@ -35,6 +35,7 @@ Actuation = (
     | c.WheelsStop
     | c.WheelsRamps
 )
+JointCommand = c.JointGoal | c.JointMove | c.JointHold | c.JointTorque | c.JointProfile
 
 
 class Physics:
@@ -131,6 +132,23 @@ class Physics:
                 return False
             case _:
                 raise TypeError(f"relay frames go to the board: {command}")
+        return True
+
+    def obey_joint(self, command: JointCommand) -> bool:
+        """As ``obey``, for one joint."""
+        servos, t = self.servos, self.t_s
+        match command:
+            case c.JointGoal(joint, rad):
+                return servos.joint_goal(t, joint, rad)
+            case c.JointMove(joint, rad):
+                return servos.joint_move(joint, rad)
+            case c.JointHold(joint):
+                servos.joint_hold(joint)
+            case c.JointTorque(joint, on):
+                servos.joint_torque(joint, on)
+            case c.JointProfile(joint, velocity, acceleration):
+                servos.joint_profile(joint, velocity, acceleration)
+                return False
         return True
 
     def press_estop(self, pressed: bool) -> None:

@@ -9,114 +9,20 @@ import numpy as np
 import numpy.typing as npt
 
 from drivers.arm.values import ArmState
-from drivers.twin.kinematics import ArmGeometry, Joint
+from drivers.twin.kinematics import ArmGeometry
+from drivers.twin.servo import STEP_S, Servo
 
 Array = npt.NDArray[np.float64]
 
-STEP_S = 0.005
-LAG_S = 0.040
 ENCODER_TICK_RAD = math.tau / 4096
 ENCODER_NOISE_RAD = 0.4 * ENCODER_TICK_RAD
 LOAD_NOISE = 0.01
-STREAM_GAP_S = 0.050  # goals farther apart than this are single moves, not a stream
-CATCH_UP_SHARE = 0.04  # of the acceleration: a moving goal may itself brake nearly as hard as the servo can
-OVERSHOOT_RAD = 0.002
+CRADLE_RAD = 0.02  # an arm this far from where its cradle bears it has left it
 SAG_RAD_S_PER_N_M = 0.08
 SAG_EVERY_STEPS = 10
 GEAR_FRICTION_N_M = 0.2
 REST_RAD = 1e-5
 REST_RAD_S = 1e-4
-
-_LAG_SHARE = 1.0 - math.exp(-STEP_S / LAG_S)
-
-
-class Servo:
-    """One joint: a profile follows the goal within the limits, the joint lags the profile by a first order."""
-
-    def __init__(self, joint: Joint, start_rad: float, velocity_rad_s: float, acceleration_rad_s2: float) -> None:
-        self._low, self._high = joint.low_rad, joint.high_rad
-        self._velocity, self._acceleration = velocity_rad_s, acceleration_rad_s2
-        self._half_step = 0.5 * acceleration_rad_s2 * STEP_S
-        self.angle = start_rad
-        self.speed = 0.0
-        self.goal = self.profile = start_rad
-        self._mean_speed = 0.0
-        self.goal_speed = self.goal_change = self.profile_speed = 0.0
-        self.sag_rad_s = 0.0
-        self.error = 0
-
-    def set_goal(self, goal: float, gap_s: float) -> None:
-        """``gap_s`` after the last goal; in a stream the goal is taken to move on as it has."""
-        goal = self._clip(goal)
-        in_stream = 0.0 < gap_s <= STREAM_GAP_S
-        mean_speed = (goal - self.goal) / gap_s if in_stream else 0.0
-        bound = self._acceleration
-        change = min(max((mean_speed - self._mean_speed) / gap_s, -bound), bound) if in_stream else 0.0
-        self._mean_speed, self.goal_change = mean_speed, change
-        self.goal_speed = mean_speed + 0.5 * change * gap_s if in_stream else 0.0
-        if self.goal_speed * mean_speed < 0.0:
-            self.goal_speed = self.goal_change = 0.0
-        self.goal = goal
-
-    def stop_goal(self) -> None:
-        """The goal is where the hardest braking ends."""
-        self.goal, self.goal_speed, self.goal_change = self._stopping_rad(), 0.0, 0.0
-
-    def end_stream(self) -> None:
-        """The stream of goals has ceased: too fast to stop at the last one, stop beyond it and stay there."""
-        if self.goal_speed == 0.0:
-            return
-        beyond = math.copysign(1.0, self.profile_speed) * (self._stopping_rad() - self.goal)
-        if beyond > OVERSHOOT_RAD:
-            self.goal = self._stopping_rad()
-        self.goal_speed = self.goal_change = 0.0
-
-    def settle(self) -> None:
-        """Want to be where the joint is."""
-        self.goal = self.profile = self.angle
-        self.goal_speed = self.goal_change = self.profile_speed = 0.0
-
-    def follow(self, since_s: float) -> None:
-        """One step towards the goal as it is ``since_s`` after it was set."""
-        half = self._half_step
-        goal, goal_speed = self._goal_now(since_s) if self.goal_speed else (self.goal, 0.0)
-        ahead = goal - self.profile
-        distance = abs(ahead)
-        spare = self._acceleration * (CATCH_UP_SHARE if self.goal_speed else 1.0)
-        braking = math.sqrt(half * half + 2.0 * spare * distance) - half
-        wanted = goal_speed + math.copysign(min(braking, distance / STEP_S), ahead)
-        wanted = min(max(wanted, -self._velocity), self._velocity)
-        self.profile_speed = min(max(wanted, self.profile_speed - 2.0 * half), self.profile_speed + 2.0 * half)
-        self.profile += self.profile_speed * STEP_S
-        self._move(self.angle + (self.profile - self.angle) * _LAG_SHARE)
-
-    def _goal_now(self, since_s: float) -> tuple[float, float]:
-        """Where a goal in a stream is by now, and how fast; one that brakes does not turn back."""
-        if self.goal_speed * self.goal_change < 0.0:
-            since_s = min(since_s, -self.goal_speed / self.goal_change)
-        speed = self.goal_speed + self.goal_change * since_s
-        return self.goal + 0.5 * (self.goal_speed + speed) * since_s, speed
-
-    def sink(self) -> None:
-        """One step without torque."""
-        self._move(self.angle + self.sag_rad_s * STEP_S)
-        self.settle()
-
-    def stay(self) -> None:
-        """One step jammed."""
-        self._move(self.angle)
-        self.profile, self.profile_speed = self.angle, 0.0
-
-    def _move(self, angle: float) -> None:
-        angle = self._clip(angle)
-        self.speed, self.angle = (angle - self.angle) / STEP_S, angle
-
-    def _stopping_rad(self) -> float:
-        v = self.profile_speed
-        return self._clip(self.profile + v * abs(v) / (2.0 * self._acceleration))
-
-    def _clip(self, angle: float) -> float:
-        return min(max(angle, self._low), self._high)
 
 
 class Servos:
@@ -147,16 +53,27 @@ class Servos:
         ]
         self._weighed_rad: Array = np.empty(0)
         self._weighed_n_m: Array = np.empty(0)
-        self._goal_at_s = -math.inf
+        self._cradle_rad: tuple[float, ...] | None = None
         self._steps = 0
         self.resting = True
-        self.torque_on = True
         self.frozen = False
 
     @property
     def errors(self) -> tuple[int, ...]:
         """Each servo's error byte."""
         return tuple(servo.error for servo in self._servos)
+
+    @property
+    def torque_on(self) -> bool:
+        """Whether every servo has torque."""
+        return all(servo.torque_on for servo in self._servos)
+
+    @property
+    def profiles(self) -> tuple[tuple[float, float], ...]:
+        """Encoder angle and speed of what each joint follows: its servo's profile, itself when limp."""
+        return tuple(
+            (servo.profile + zero, servo.profile_speed) for servo, zero in zip(self._servos, self._zero, strict=True)
+        )
 
     def advance(self, t_s: float) -> float | None:
         """Integrate to ``t_s``; when the arm came to rest on the way, the moment it did."""
@@ -171,29 +88,59 @@ class Servos:
 
     def goal(self, t_s: float, encoder_rad: Sequence[float]) -> bool:
         """A new goal in encoder angles, kept inside the joints' limits. True when the arm was at rest before."""
-        gap_s = t_s - self._goal_at_s
         for servo, angle, zero in zip(self._servos, encoder_rad, self._zero, strict=True):
-            servo.set_goal(angle - zero, gap_s)
-        self._goal_at_s = t_s
+            servo.set_goal(t_s, angle - zero)
         if self.resting and all(self._at_goal(servo) for servo in self._servos):
             return False
         return self._wake()
 
     def hold(self) -> None:
         """Brake as hard as the limit allows and keep the place where that ends."""
-        self._goal_at_s = -math.inf
         for servo in self._servos:
             servo.stop_goal()
         self._wake()
 
     def torque(self, on: bool) -> None:
         """Torque on takes the present place as the goal."""
-        if on and not self.torque_on:
-            for servo in self._servos:
-                servo.settle()
-        self.torque_on = on
+        for servo in self._servos:
+            servo.set_torque(on)
         self._weigh()
         self._wake()
+
+    def joint_goal(self, t_s: float, joint: int, encoder_rad: float) -> bool:
+        """As ``goal``, for one joint."""
+        servo = self._servos[joint]
+        servo.set_goal(t_s, encoder_rad - self._zero[joint])
+        return not (self.resting and self._at_goal(servo)) and self._wake()
+
+    def joint_move(self, joint: int, encoder_rad: float) -> bool:
+        """A goal to rest at, for one joint. True when the arm was at rest before."""
+        servo = self._servos[joint]
+        servo.move_to(encoder_rad - self._zero[joint])
+        return not (self.resting and self._at_goal(servo)) and self._wake()
+
+    def joint_hold(self, joint: int) -> None:
+        """As ``hold``, for one joint."""
+        self._servos[joint].stop_goal()
+        self._wake()
+
+    def joint_torque(self, joint: int, on: bool) -> None:
+        """As ``torque``, for one joint."""
+        self._servos[joint].set_torque(on)
+        self._weigh()
+        self._wake()
+
+    def joint_profile(self, joint: int, velocity_rad_s: float, acceleration_rad_s2: float) -> None:
+        """Limits of a servo below its own; 0 is none."""
+        self._servos[joint].set_profile(velocity_rad_s, acceleration_rad_s2)
+
+    def lie_in_cradle(self) -> None:
+        """No torque, and a cradle that bears the arm where it is until it first leaves."""
+        for servo in self._servos:
+            servo.set_torque(False)
+            servo.settle()
+        self._cradle_rad = tuple(servo.angle for servo in self._servos)
+        self._weigh()
 
     def servo_error(self, joint: int, error: int) -> None:
         """Show an error byte; any but 0 shuts that servo's torque off."""
@@ -239,18 +186,13 @@ class Servos:
         return was_resting
 
     def _limp(self, servo: Servo) -> bool:
-        return servo.error != 0 or not self.torque_on
+        return servo.error != 0 or not servo.torque_on
 
     def _at_goal(self, servo: Servo) -> bool:
         return self.frozen or self._limp(servo) or abs(servo.goal - servo.angle) < REST_RAD
 
     def _step(self, t_s: float) -> bool:
         """True when the arm has come to rest."""
-        since_s = t_s - self._goal_at_s
-        if since_s > STREAM_GAP_S:
-            since_s = 0.0
-            for servo in self._servos:
-                servo.end_stream()
         if self._steps % SAG_EVERY_STEPS == 0 and any(self._limp(servo) for servo in self._servos):
             self._weigh()
         for servo in self._servos:
@@ -259,15 +201,27 @@ class Servos:
             elif self._limp(servo):
                 servo.sink()
             else:
-                servo.follow(since_s)
+                servo.follow(t_s)
+        self._leave_cradle()
         self.resting = all(abs(servo.speed) < REST_RAD_S and self._at_goal(servo) for servo in self._servos)
         if self.resting:
             for servo in self._servos:
                 servo.speed = 0.0
         return self.resting
 
+    def _leave_cradle(self) -> None:
+        """An arm that has left its cradle is not borne by it again."""
+        cradle = self._cradle_rad
+        if cradle and any(abs(s.angle - rad) > CRADLE_RAD for s, rad in zip(self._servos, cradle, strict=True)):
+            self._cradle_rad = None
+            self._weigh()
+
     def _weigh(self) -> None:
         """What gravity makes of the limp joints, against the friction of their gears."""
+        if self._cradle_rad is not None:
+            for servo in self._servos:
+                servo.sag_rad_s = 0.0
+            return
         torque = self._geometry.gravity_torque_n_m([servo.angle for servo in self._servos], self._up)
         for servo, pull in zip(self._servos, torque.tolist(), strict=True):
             servo.sag_rad_s = math.copysign(max(abs(pull) - GEAR_FRICTION_N_M, 0.0), pull) * SAG_RAD_S_PER_N_M

@@ -29,6 +29,7 @@ from drivers.wheels.mock import MockWheels
 from robot.clock import run_virtual
 from tests.contract.leaping import LeapingLoop
 from tests.contract.rigged import Rigged
+from tests.contract.rigs.arm import emulated_arm
 from tests.contract.rigs.camera import emulated_camera, recorded_camera
 from tests.contract.rigs.gps import emulated_gps
 from tests.contract.rigs.inputs import emulated_inputs
@@ -116,7 +117,7 @@ CAMERAS: dict[str, Bench[StereoCamera]] = {
     "stereo_usb": OnTheWire(emulated_camera),
     "files": OnTheWire(recorded_camera),
 }
-ARMS: dict[str, Bench[Arm]] = {"mock": Virtual(MockArm)}
+ARMS: dict[str, Bench[Arm]] = {"mock": Virtual(MockArm), "dynamixel": OnTheWire(emulated_arm)}
 RELAYS: dict[str, Bench[RelayBoard]] = {"mock": Virtual(MockRelay), "modbus": OnTheWire(emulated_relay)}
 INPUTS: dict[str, Bench[Inputs]] = {"mock": Virtual(MockInputs), "modbus": OnTheWire(emulated_inputs)}
 RECEIVERS: dict[str, Bench[Gps]] = {"mock": Virtual(MockGps), "nmea": OnTheWire(emulated_gps)}

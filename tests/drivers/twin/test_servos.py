@@ -10,7 +10,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from drivers.twin.kinematics import read_urdf
-from drivers.twin.servos import ENCODER_TICK_RAD, STEP_S, Servos
+from drivers.twin.servo import STEP_S
+from drivers.twin.servos import ENCODER_TICK_RAD, Servos
 from tests.drivers.twin.rig import POINTING_RAD, STOW_RAD, URDF, quintic
 
 ARM = read_urdf(URDF.read_text())
@@ -179,3 +180,68 @@ def test_a_goal_that_brakes_nearly_as_hard_as_the_servo_can_is_not_overshot_afte
         farthest = max(farthest, float(device.angles_rad(0.02 * k)[0]))
     assert farthest - (STOW_RAD[0] - 0.002 + way) < 0.012
     assert abs(float(device.angles_rad(end_s + 1.0)[0]) - (STOW_RAD[0] - 0.002 + way)) < 1e-3
+
+
+def test_one_joint_moves_to_rest_while_the_others_stay() -> None:
+    device = servos()
+    assert device.joint_move(2, 0.2)
+    device.advance(3.0)
+    angles = device.angles_rad(3.0)
+    assert abs(angles[2] - 0.2) < 1e-4
+    assert np.delete(angles, 2).tolist() == np.delete(np.array(STOW_RAD), 2).tolist()
+    assert device.resting
+
+
+def test_a_move_that_interrupts_a_stream_ends_where_it_says_without_overshoot() -> None:
+    device = servos()
+    stream_until_s = 1.1
+    for k in range(round(stream_until_s / 0.01) + 1):
+        device.advance(0.01 * k)
+        device.goal(0.01 * k, quintic(STOW_RAD, POINTING_RAD, 2.2, 0.01 * k))
+    profile, speed = device.profiles[1]
+    stop = profile + speed * abs(speed) / (2.0 * ACCELERATION)
+    device.joint_move(1, stop)
+    reached = []
+    for k in range(1, 200):
+        device.advance(stream_until_s + STEP_S * k)
+        reached.append(float(device.angles_rad(stream_until_s + STEP_S * k)[1]))
+    assert max(reached) < stop + 1e-3
+    assert abs(reached[-1] - stop) < 1e-3
+
+
+def test_a_joint_without_torque_sinks_alone() -> None:
+    device = servos()
+    device.joint_torque(1, False)
+    assert not device.torque_on
+    device.advance(1.0)
+    angles = device.angles_rad(1.0)
+    assert abs(angles[1] - STOW_RAD[1]) > 0.01
+    assert np.delete(angles, 1).tolist() == np.delete(np.array(STOW_RAD), 1).tolist()
+    device.joint_torque(1, True)
+    held = float(device.angles_rad(1.0)[1])
+    device.advance(3.0)
+    assert abs(device.angles_rad(3.0)[1] - held) < 1e-3
+
+
+def test_a_servo_keeps_to_a_profile_below_its_own_limits() -> None:
+    device = servos()
+    device.joint_profile(1, 0.3, 0.0)
+    device.joint_move(1, 0.2)
+    fastest = 0.0
+    for k in range(1, 400):
+        device.advance(0.01 * k)
+        fastest = max(fastest, abs(device.profiles[1][1]))
+    assert 0.29 < fastest <= 0.3 + 1e-9
+
+
+def test_a_cradle_bears_a_limp_arm_until_it_has_left() -> None:
+    device = servos()
+    device.lie_in_cradle()
+    device.advance(30.0)
+    assert device.angles_rad(30.0).tolist() == list(STOW_RAD)
+    device.torque(True)
+    device.joint_move(1, STOW_RAD[1] + 0.5)
+    device.advance(33.0)
+    device.torque(False)
+    device.advance(34.0)
+    assert abs(device.angles_rad(34.0)[1] - (STOW_RAD[1] + 0.5)) > 0.01
