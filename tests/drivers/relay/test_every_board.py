@@ -99,15 +99,13 @@ def test_after_a_power_cut_everything_is_off_and_the_next_pulse_runs(profile: st
 @pytest.mark.parametrize("profile", PULSING)
 def test_a_host_that_falls_silent_in_a_long_pulse_shuts_within_one_lease(profile: str) -> None:
     async def test(bench: Bench) -> None:
-        await bench.relay.pulse(Channel.VALVE, 20.0)
-        await asyncio.sleep(1.5)
-        assert bench.on()
         limit_s = bench.relay.capability.watchdog_s or bench.settings.lease_s
+        await bench.relay.pulse(Channel.VALVE, 20.0)
+        await asyncio.sleep(0.7 * limit_s)
+        assert bench.on()
         bench.bus.wire.unplug()
-        silent_s = bench.clock()
         await asyncio.sleep(limit_s + 0.3)
         assert not bench.on()
-        assert bench.clock() < silent_s + 19.0
 
     on_board(profile, test)
 
@@ -115,11 +113,12 @@ def test_a_host_that_falls_silent_in_a_long_pulse_shuts_within_one_lease(profile
 @pytest.mark.parametrize("profile", PULSING)
 def test_a_pulse_longer_than_a_lease_lasts_to_its_end_and_no_longer(profile: str) -> None:
     async def test(bench: Bench) -> None:
-        receipt = await bench.relay.pulse(Channel.VALVE, 5.0)
-        while bench.clock() < receipt.sent_s + 4.95:
+        length_s = 2.5 * (bench.relay.capability.watchdog_s or bench.settings.lease_s)
+        receipt = await bench.relay.pulse(Channel.VALVE, length_s)
+        while bench.clock() < receipt.sent_s + receipt.duration_s - 0.05:
             assert bench.on()
             await asyncio.sleep(0.05)
-        await asyncio.sleep(receipt.accepted_s + 5.0 - bench.clock() + 0.2)
+        await asyncio.sleep(receipt.accepted_s + receipt.duration_s - bench.clock() + 0.2)
         assert not bench.on()
 
     on_board(profile, test)
