@@ -26,7 +26,7 @@ def identify(line: Line, hear: Callable[[bytes], None]) -> None:
     ``DeviceMissing``: silence. ``WrongDevice``: something else speaks here, or NMEA at another baud rate.
     """
     began_s = time.monotonic()
-    reader = SentenceReader(line.settings.byte_s)
+    reader = SentenceReader(line.settings.byte_s, capped=False)
     heard = b""
     while (spent_s := time.monotonic() - began_s) < LISTEN_S and (heard or spent_s < FIRST_BYTE_S):
         data = line.read_some((LISTEN_S if heard else FIRST_BYTE_S) - spent_s)
@@ -76,7 +76,7 @@ def _reads(line: Line, baud: int, deadline_s: float) -> bool:
         return False
     line.set_baud(baud)
     line.drain()
-    reader = SentenceReader(10.0 / baud)
+    reader = SentenceReader(10.0 / baud, capped=False)
     while (left_s := end_s - time.monotonic()) > 0.0 and reader.statistics.bytes < ENOUGH_BYTES:
         reader.feed(line.read_some(left_s), 0.0)
         if reader.statistics.sentences:

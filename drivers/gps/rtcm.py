@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cache
 
 PREAMBLE = 0xD3
 LONGEST_PAYLOAD = 1023
 _POLYNOMIAL = 0x1864CFB
 
 
+@cache
 def _table() -> tuple[int, ...]:
     values = []
     for byte in range(256):
@@ -19,13 +21,10 @@ def _table() -> tuple[int, ...]:
     return tuple(values)
 
 
-_TABLE = _table()
-
-
 def crc24q(data: bytes) -> int:
-    crc = 0
+    table, crc = _table(), 0
     for byte in data:
-        crc = ((crc << 8) & 0xFFFFFF) ^ _TABLE[(crc >> 16) ^ byte]
+        crc = ((crc << 8) & 0xFFFFFF) ^ table[(crc >> 16) ^ byte]
     return crc
 
 

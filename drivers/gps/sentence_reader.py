@@ -24,12 +24,14 @@ class ReaderStatistics:
 
 
 class SentenceReader:
-    """``byte_s`` is the time of a byte on the wire. Costs bounded time and memory whatever comes."""
+    """``byte_s`` is the time of a byte on the wire. ``capped``: takes no more than a receiver can send in the time, so
+    that it costs bounded time whatever comes; memory is bounded in any case.
+    """
 
-    def __init__(self, byte_s: float) -> None:
+    def __init__(self, byte_s: float, capped: bool = True) -> None:
         self.statistics = ReaderStatistics()
         self.last_gga = b""  # as it came, with a position
-        self._byte_s = byte_s
+        self._byte_s, self._capped = byte_s, capped
         self._framer = Framer()
         self._held_since_s = 0.0
         self._allowed = MOST_AT_ONCE
@@ -40,7 +42,7 @@ class SentenceReader:
         self.statistics.bytes += len(data)
         found = []
         for place, frame in self._framer.feed(data):
-            if not self._allows(arrived_s):
+            if self._capped and not self._allows(arrived_s):
                 self.statistics.refused += 1
                 continue
             try:
