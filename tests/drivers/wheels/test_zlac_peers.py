@@ -40,8 +40,8 @@ def test_mbpoll_reads_sets_up_and_turns_the_wheels() -> None:
         clock = asyncio.get_running_loop().time
         zero_s = clock()
         wheels = Zlac8015dEmulator(twin, lambda: clock() - zero_s)
-        wire = PtyWire(BAUD, lambda data: slaves.receive(data))
-        slaves = ModbusSlaves(clock, wire.byte_s)
+        slaves = ModbusSlaves(clock, 10.0 / BAUD)
+        wire = PtyWire(BAUD, slaves.receive)
         slaves.add(1, wheels, BadLine("wheels", twin, lambda: clock() - zero_s, wire.send, wire.byte_s))
         wire.plug()
         reading = await mbpoll(wire.path, r.FIRST_READING, count=r.READING_WORDS)
