@@ -1,4 +1,4 @@
-"""A byte trace of a Modbus bus as lines to read: one for each frame, with what no frame holds together named too."""
+"""The bytes of a Modbus bus as text: a line for each frame, and for what is none."""
 
 from __future__ import annotations
 
@@ -6,10 +6,9 @@ import struct
 from collections.abc import Iterable, Iterator
 
 from drivers import modbus_pdu as pdu
-from drivers.byte_trace import Chunk, Direction
+from drivers.byte_trace import Direction
 from drivers.modbus_frames import Found, FrameFinder, answer_size, request_size
 
-LONGEST_SILENCE_S = 0.05
 _HEADER = struct.Struct(">HHHB")
 
 _NAMES = {
@@ -25,7 +24,10 @@ _NAMES = {
 
 
 class ModbusDecoder:
-    """Takes chunks as they come. ``tcp`` for Modbus TCP, whose frames have a header in place of a checksum."""
+    """Fed with the chunks of a trace in order. ``tcp`` for Modbus TCP: a header in place of a checksum.
+
+    What a chunk leaves incomplete is shown with a later one, or once the other side speaks.
+    """
 
     def __init__(self, tcp: bool = False) -> None:
         self._tcp = tcp
@@ -34,76 +36,41 @@ class ModbusDecoder:
             "in": FrameFinder(answer_size),
         }
         self._held: dict[Direction, bytes] = {"out": b"", "in": b""}
-        self._stamp_s: dict[Direction, float] = {"out": 0.0, "in": 0.0}
 
-    def feed(self, chunk: Chunk) -> list[str]:
-        """The lines of the frames that end in this chunk."""
-        direction, other = chunk.direction, _other(chunk.direction)
+    def feed(self, direction: Direction, data: bytes) -> list[str]:
+        """The lines for what is complete now; "out" are requests, "in" are answers."""
         if self._tcp:
-            return list(self._tcp_lines(chunk))
-        lines = self._flushed(other)
-        if chunk.stamp_s - self._stamp_s[direction] > LONGEST_SILENCE_S:
-            lines += self._flushed(direction)
-        self._stamp_s[direction] = chunk.stamp_s
-        return lines + _lines(chunk.stamp_s, direction, self._finders[direction].feed(chunk.data))
+            return list(self._tcp_lines(direction, data))
+        other: Direction = "in" if direction == "out" else "out"
+        ended = _lines(other, self._finders[other].silence())
+        return ended + _lines(direction, self._finders[direction].feed(data))
 
-    def end(self) -> list[str]:
-        """What was begun and not completed."""
-        if self._tcp:
-            directions: tuple[Direction, ...] = ("out", "in")
-            rest = [(direction, self._held[direction]) for direction in directions if self._held[direction]]
-            self._held = {"out": b"", "in": b""}
-            return [
-                _line(self._stamp_s[direction], direction, f"incomplete: {data.hex(' ')}") for direction, data in rest
-            ]
-        return self._flushed("out") + self._flushed("in")
+    def rest(self) -> list[str]:
+        """What never was completed."""
+        held, self._held = self._held, {"out": b"", "in": b""}
+        incomplete = [f"incomplete: {data.hex(' ')}" for data in held.values() if data]
+        return incomplete + _lines("out", self._finders["out"].silence()) + _lines("in", self._finders["in"].silence())
 
-    def _flushed(self, direction: Direction) -> list[str]:
-        return _lines(self._stamp_s[direction], direction, self._finders[direction].silence())
-
-    def _tcp_lines(self, chunk: Chunk) -> Iterator[str]:
-        direction = chunk.direction
-        self._stamp_s[direction] = chunk.stamp_s
-        held = self._held[direction] + chunk.data
+    def _tcp_lines(self, direction: Direction, data: bytes) -> Iterator[str]:
+        held = self._held[direction] + data
         while len(held) >= _HEADER.size:
             transaction, protocol, length, unit = _HEADER.unpack_from(held)
             if protocol != 0 or not 2 <= length <= 254:
-                yield _line(chunk.stamp_s, direction, f"no Modbus TCP: {held.hex(' ')}")
+                yield f"no Modbus TCP: {held.hex(' ')}"
                 held = b""
             elif len(held) < 6 + length:
                 break
             else:
                 payload, held = held[_HEADER.size : 6 + length], held[6 + length :]
-                text = f"#{transaction} {_told(unit, payload, direction)}"
-                yield _line(chunk.stamp_s, direction, text)
+                yield f"#{transaction} {_told(unit, payload, direction)}"
         self._held[direction] = held
 
 
-def decode(chunks: Iterable[Chunk], tcp: bool = False) -> Iterator[str]:
-    """All the lines of a trace."""
-    decoder = ModbusDecoder(tcp)
-    for chunk in chunks:
-        yield from decoder.feed(chunk)
-    yield from decoder.end()
-
-
-def _other(direction: Direction) -> Direction:
-    return "in" if direction == "out" else "out"
-
-
-def _lines(stamp_s: float, direction: Direction, found: Iterable[Found]) -> list[str]:
+def _lines(direction: Direction, found: Iterable[Found]) -> list[str]:
     return [
-        _line(
-            stamp_s,
-            direction,
-            _told(each.data[0], each.data[1:-2], direction) if each.is_frame else f"CRC error: {each.data.hex(' ')}",
-        )
+        _told(each.data[0], each.data[1:-2], direction) if each.is_frame else f"CRC error: {each.data.hex(' ')}"
         for each in found
     ]
-
-
-def _line(stamp_s: float, direction: Direction, text: str) -> str:
-    return f"{stamp_s:12.6f} {'>' if direction == 'out' else '<'} {text}"
 
 
 def _told(unit: int, payload: bytes, direction: Direction) -> str:

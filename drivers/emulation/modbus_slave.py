@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import struct
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Protocol
@@ -122,3 +123,46 @@ def _require_well_formed(function: int, data: bytes) -> None:
         fits = True
     if not fits:
         raise ModbusException(ILLEGAL_VALUE)
+
+
+class TcpSlaves:
+    """Units behind a Modbus TCP device or gateway: a header with a transaction number instead of a checksum."""
+
+    HEADER = struct.Struct(">HHHB")
+
+    def __init__(self) -> None:
+        self._members: list[_Member] = []
+        self._held = b""
+
+    def add(self, unit_id: int, unit: SlaveUnit, line: BadLine, turnaround_s: float = TURNAROUND_S) -> None:
+        """``turnaround_s``: from the request to the answer."""
+        self._members.append(_Member(unit_id, unit, line, turnaround_s))
+
+    def receive(self, data: bytes) -> None:
+        """What has just come over the connection."""
+        self._held += data
+        while len(self._held) >= self.HEADER.size:
+            transaction, protocol, length, unit_id = self.HEADER.unpack_from(self._held)
+            if protocol != 0 or not 2 <= length <= 254:
+                self._held = b""
+                return
+            if len(self._held) < 6 + length:
+                return
+            payload, self._held = self._held[self.HEADER.size : 6 + length], self._held[6 + length :]
+            self._hear(transaction, unit_id, payload)
+
+    def _hear(self, transaction: int, unit_id: int, payload: bytes) -> None:
+        for member in self._members:
+            if unit_id == member.unit_id and member.line.hears:
+                if not _sized(payload):
+                    continue
+                answer = _answer(member.unit, payload[0], payload[1:])
+                if answer is not None:
+                    head = self.HEADER.pack(transaction, 0, len(answer) + 1, unit_id)
+                    member.line.say(head + answer, member.turnaround_s, len(payload))
+
+
+def _sized(payload: bytes) -> bool:
+    """Whether a request without checksum has the length of its function."""
+    size = request_size(b"\0" + payload)
+    return size == 0 or size == len(payload) + 3

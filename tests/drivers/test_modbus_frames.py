@@ -13,10 +13,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from drivers.byte_trace import Chunk
+from drivers.byte_trace import Direction
 from drivers.emulation.bad_line import BadLine
 from drivers.emulation.modbus_slave import ModbusSlaves
-from drivers.modbus_decode import ModbusDecoder, decode
+from drivers.modbus_decode import ModbusDecoder
 from drivers.modbus_frames import LONGEST_BYTES, FrameFinder, answer_size, request_size, valid, with_crc
 from drivers.relay.emulator import emulated_board
 from drivers.relay.frames import all_off_frames
@@ -201,61 +201,61 @@ def test_all_off_as_bytes_opens_every_coil_of_the_board(profile: str) -> None:
     asyncio.run(main())
 
 
+def decoded(chunks: list[tuple[Direction, str]], tcp: bool = False) -> list[str]:
+    decoder = ModbusDecoder(tcp)
+    return [
+        line for direction, text in chunks for line in decoder.feed(direction, bytes.fromhex(text))
+    ] + decoder.rest()
+
+
 def test_the_decoder_tells_each_frame_and_each_error() -> None:
-    told = list(
-        decode(
-            [
-                Chunk(1.0, "out", bytes.fromhex("01 05 02 00 00 07 8d b0")),
-                Chunk(1.02, "in", bytes.fromhex("01 05 02 00")),
-                Chunk(1.021, "in", bytes.fromhex("00 07 8d b0")),
-                Chunk(1.1, "out", bytes.fromhex("01 01 00 00 00 08 3d cc")),
-                Chunk(1.12, "in", bytes.fromhex("01 01 01 04 50 4b")),
-                Chunk(1.2, "out", with_crc(bytes.fromhex("01 03 00 64 00 01"))),
-                Chunk(1.22, "in", bytes.fromhex("01 83 02 c0 f1")),
-                Chunk(1.3, "out", with_crc(bytes.fromhex("02 10 00 03 00 02 04 00 02 00 07"))),
-                Chunk(1.32, "in", bytes.fromhex("02 10 00 03 ff ff")),
-                Chunk(1.4, "out", with_crc(bytes.fromhex("00 0f 00 00 00 08 01 00"))),
-            ]
-        )
+    told = decoded(
+        [
+            ("out", "01 05 02 00 00 07 8d b0"),
+            ("in", "01 05 02 00"),
+            ("in", "00 07 8d b0"),
+            ("out", "01 01 00 00 00 08 3d cc"),
+            ("in", "01 01 01 04 50 4b"),
+            ("out", with_crc(bytes.fromhex("01 03 00 64 00 01")).hex()),
+            ("in", "01 83 02 c0 f1"),
+            ("out", with_crc(bytes.fromhex("02 10 00 03 00 02 04 00 02 00 07")).hex()),
+            ("in", "02 10 00 03 ff ff"),
+            ("out", with_crc(bytes.fromhex("00 0f 00 00 00 08 01 00")).hex()),
+        ]
     )
-    assert [line.split(None, 1)[1] for line in told] == [
-        "> unit 1 write coil 0x0200 = 0x0007",
-        "< unit 1 write coil 0x0200 = 0x0007",
-        "> unit 1 read coils 0x0000 count 8",
-        "< unit 1 read coils = 00100000",
-        "> unit 1 read holding 0x0064 count 1",
-        "< unit 1 read holding: exception 2 (illegal data address)",
-        "> unit 2 write registers 0x0003 count 2 = 0x0002 0x0007",
-        "< CRC error: 02 10 00 03 ff ff",
-        "> all units write coils 0x0000 count 8 = 00000000",
+    assert told == [
+        "unit 1 write coil 0x0200 = 0x0007",
+        "unit 1 write coil 0x0200 = 0x0007",
+        "unit 1 read coils 0x0000 count 8",
+        "unit 1 read coils = 00100000",
+        "unit 1 read holding 0x0064 count 1",
+        "unit 1 read holding: exception 2 (illegal data address)",
+        "unit 2 write registers 0x0003 count 2 = 0x0002 0x0007",
+        "CRC error: 02 10 00 03 ff ff",
+        "all units write coils 0x0000 count 8 = 00000000",
     ]
 
 
 def test_the_decoder_reads_modbus_tcp() -> None:
-    told = list(
-        decode(
-            [
-                Chunk(1.0, "out", bytes.fromhex("00 01 00 00 00 06 01 06 00 01 06 00")),
-                Chunk(1.1, "in", bytes.fromhex("00 01 00 00 00 06 01 06 00 01")),
-                Chunk(1.1, "in", bytes.fromhex("06 00 00 02 00")),
-            ],
-            tcp=True,
-        )
+    told = decoded(
+        [
+            ("out", "00 01 00 00 00 06 01 06 00 01 06 00"),
+            ("in", "00 01 00 00 00 06 01 06 00 01"),
+            ("in", "06 00 00 02 00"),
+        ],
+        tcp=True,
     )
-    assert [line.split(None, 1)[1] for line in told] == [
-        "> #1 unit 1 write register 0x0001 = 0x0600",
-        "< #1 unit 1 write register 0x0001 = 0x0600",
-        "< incomplete: 00 02 00",
+    assert told == [
+        "#1 unit 1 write register 0x0001 = 0x0600",
+        "#1 unit 1 write register 0x0001 = 0x0600",
+        "incomplete: 00 02 00",
     ]
 
 
-@given(
-    st.lists(st.tuples(st.floats(0, 10), st.sampled_from(["in", "out"]), st.binary(max_size=300)), max_size=10),
-    st.booleans(),
-)
-def test_the_decoder_takes_any_bytes(chunks: list[tuple[float, Any, bytes]], tcp: bool) -> None:
+@given(st.lists(st.tuples(st.sampled_from(["in", "out"]), st.binary(max_size=300)), max_size=10), st.booleans())
+def test_the_decoder_takes_any_bytes(chunks: list[tuple[Any, bytes]], tcp: bool) -> None:
     decoder = ModbusDecoder(tcp)
-    for stamp_s, direction, data in chunks:
-        assert all("\n" not in line for line in decoder.feed(Chunk(stamp_s, direction, data)))
-    decoder.end()
-    assert decoder.end() == []
+    for direction, data in chunks:
+        assert all("\n" not in line for line in decoder.feed(direction, data))
+    decoder.rest()
+    assert decoder.rest() == []
