@@ -12,6 +12,7 @@ from robot.safety.values import Decision, Inputs, Mode, SafetyState
 class Verb(StrEnum):
     ARM = "arm"
     START = "start"
+    OPERATE = "operate"
     PAUSE = "pause"
     RESUME = "resume"
     FINISH = "finish"
@@ -26,9 +27,11 @@ class Verb(StrEnum):
 MODE_CHANGES: dict[tuple[Mode, Verb], Mode] = {
     (Mode.DISARMED, Verb.ARM): Mode.READY,
     (Mode.READY, Verb.START): Mode.AUTO,
+    (Mode.READY, Verb.OPERATE): Mode.MANUAL,
     (Mode.AUTO, Verb.PAUSE): Mode.PAUSED,
     (Mode.PAUSED, Verb.RESUME): Mode.AUTO,
     (Mode.AUTO, Verb.FINISH): Mode.READY,
+    (Mode.MANUAL, Verb.FINISH): Mode.READY,
     (Mode.SAFE_STOP, Verb.ACKNOWLEDGE): Mode.DISARMED,
     (Mode.ESTOP, Verb.RESET): Mode.DISARMED,
 }
@@ -51,7 +54,7 @@ def change_mode(
     if target is None:
         return state, Decision((f"{verb} is not possible in mode {state.mode}",))
     reasons: tuple[str, ...] = ()
-    if verb in (Verb.ARM, Verb.START, Verb.RESUME):
+    if verb in (Verb.ARM, Verb.START, Verb.OPERATE, Verb.RESUME):
         reasons = reasons_against_arming(inputs, now_s)
     elif verb is Verb.RESET and (inputs is None or inputs.estop_pressed):
         reasons = ("the e-stop is still pressed (or unknown): release it first",)

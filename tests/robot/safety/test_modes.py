@@ -48,6 +48,29 @@ def test_arming_is_refused_with_a_readable_reason(change, words):
     assert words in decision.reasons[0]
 
 
+@pytest.mark.parametrize(
+    ("mode", "verb"), [(Mode.READY, Verb.START), (Mode.READY, Verb.OPERATE), (Mode.PAUSED, Verb.RESUME)]
+)
+def test_what_forbids_arming_forbids_every_step_towards_motion(mode, verb):
+    state, decision = change_mode(SafetyState(mode=mode), verb, "test", replace(GOOD, bumper_pressed=True), NOW_S)
+    assert state.mode is mode
+    assert decision.reasons == ("the bumper is pressed",)
+
+
+def test_an_operator_takes_over_an_armed_machine_and_hands_it_back_armed():
+    state, _ = change_mode(SafetyState(mode=Mode.READY), Verb.OPERATE, "test", GOOD, NOW_S)
+    assert state.mode is Mode.MANUAL
+    state, _ = change_mode(state, Verb.FINISH, "test", GOOD, NOW_S)
+    assert state.mode is Mode.READY
+
+
+def test_no_verb_leads_from_the_mission_to_the_operator_or_back_without_a_rest():
+    for mode, other in ((Mode.AUTO, Mode.MANUAL), (Mode.PAUSED, Mode.MANUAL), (Mode.MANUAL, Mode.AUTO)):
+        for verb in Verb:
+            state, _ = change_mode(SafetyState(mode=mode), verb, "test", GOOD, NOW_S)
+            assert state.mode is not other
+
+
 def test_arming_needs_every_device():
     assert reasons_against_arming(None, NOW_S) == ("not every device has reported yet",)
 
