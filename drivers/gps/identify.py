@@ -7,15 +7,15 @@ from collections.abc import Callable
 
 from drivers.errors import DeviceError, DeviceMissing, WrongDevice
 from drivers.gps.epochs import POSITION_KINDS
-from drivers.gps.looks import looks_like
+from drivers.gps.looks import known, looks_like
 from drivers.gps.sentence_reader import SentenceReader
 from drivers.line import Line
 
 FIRST_BYTE_S = 1.4  # a receiver at 1 Hz, and its burst
 LISTEN_S = 1.6
 WHOLE_S = 2.7
-AT_A_BAUD_S = 0.3
-ENOUGH_BYTES = 160  # at a wrong rate; a sentence would be among them
+DOUBTED_BYTES = 300  # that make no sense: rather another baud rate
+ENOUGH_BYTES = 160  # among which a sentence would be
 KEPT_BYTES = 1024
 BAUDS = (9600, 115_200, 38_400, 460_800, 57_600, 4800, 230_400, 19_200, 921_600)
 
@@ -34,6 +34,8 @@ def identify(line: Line, hear: Callable[[bytes], None]) -> None:
         heard = (heard + data)[-KEPT_BYTES:]
         if any(sentence.kind in POSITION_KINDS for _, sentence in reader.feed(data, 0.0)):
             return
+        if len(heard) >= DOUBTED_BYTES and not reader.statistics.sentences and known(heard) is None:
+            break
     raise _error(line, reader, heard, began_s)
 
 
@@ -70,14 +72,13 @@ def _search(line: Line, began_s: float) -> int | None:
 
 
 def _reads(line: Line, baud: int, deadline_s: float) -> bool:
-    now_s = time.monotonic()
-    end_s = min(deadline_s, now_s + AT_A_BAUD_S)
-    if now_s >= end_s:
+    """Whether a sentence is among the next bytes at another rate; between bursts it waits for them."""
+    if time.monotonic() >= deadline_s:
         return False
     line.set_baud(baud)
     line.drain()
     reader = SentenceReader(10.0 / baud, capped=False)
-    while (left_s := end_s - time.monotonic()) > 0.0 and reader.statistics.bytes < ENOUGH_BYTES:
+    while (left_s := deadline_s - time.monotonic()) > 0.0 and reader.statistics.bytes < ENOUGH_BYTES:
         reader.feed(line.read_some(left_s), 0.0)
         if reader.statistics.sentences:
             return True

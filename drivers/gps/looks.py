@@ -20,11 +20,15 @@ def looks_like(data: bytes) -> str:
     """A few words for a heap of bytes."""
     if not data:
         return "silence"
+    return known(data) or f"{len(data)} bytes that make no sense ({data[:8].hex(' ')} ...)"
+
+
+def known(data: bytes) -> str | None:
+    """A few words for a heap of bytes, None for one that makes no sense, as at a wrong baud rate."""
     for mark, words in _MARKS:
         if mark.search(data):
             return words
-    printable = sum(0x20 <= byte < 0x7F or byte in b"\r\n\t" for byte in data)
-    if printable > 0.95 * len(data):
-        line = data.decode("ascii", "replace").strip().splitlines() or [""]
-        return f"text: {max(line, key=len)[:40]!r}"
-    return f"{len(data)} bytes that make no sense ({data[:8].hex(' ')} ...)"
+    lines = [line.decode("ascii") for line in data.splitlines() if line.isascii() and line.decode().isprintable()]
+    if sum(len(line) + 2 for line in lines) > 0.5 * len(data):
+        return f"text: {max(lines, key=len)[:40]!r}"
+    return None

@@ -219,7 +219,7 @@ def test_an_epoch_began_with_its_first_sentence() -> None:
 
 kinds = st.sampled_from(
     [
-        lambda t: rmc(t), lambda t: gga(t), lambda t: gsa(3), lambda t: gsa(1), lambda t: rmc(t, status="V"),
+        rmc, gga, lambda t: gsa(3), lambda t: gsa(1), lambda t: rmc(t, status="V"),
         lambda t: rmc(t, "310226"), lambda t: rmc("", ""), lambda t: read("GNVTG,,,,,,,,,N"),
         lambda t: read("GNHDT,400.0,T"), lambda t: read(f"GNZDA,{t},31,12,9999,,"), lambda t: gga(t, height=""),
     ]
