@@ -213,15 +213,15 @@ class ModbusRelay:
         return sent_s, self._clock()
 
     def _on_connection(self, line: ModbusLine) -> None:
-        """The greeting. While the relay is open others use the line too: what fails then is said by the next call."""
+        """The greeting. While the relay is open others use the line too: the next call greets again, and says why it
+        cannot.
+        """
         self._greeted = None
-        if not self._is_open:
-            self._greet(line)
-            return
         try:
             self._greet(line)
-        except DeviceError as error:
-            self._note(error)
+        except DeviceError:
+            if not self._is_open:
+                raise
 
     def _greeted_board(self, line: ModbusLine) -> Board:
         """The board on this line, once it has proved what it is on it."""
