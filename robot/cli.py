@@ -12,6 +12,8 @@ from drivers.errors import DeviceError
 from robot.commands.calibrate import app as calibrate
 from robot.commands.demo import demo
 from robot.commands.detect import detect
+from robot.commands.doctor import doctor
+from robot.commands.emulate import emulate
 from robot.commands.report import report
 from robot.commands.run import run
 from robot.errors import FileError, SprayerError, UnavailableError, UsageError
@@ -22,6 +24,8 @@ _FILE = FileError.exit_code
 app = typer.Typer(no_args_is_help=True, add_completion=False, pretty_exceptions_enable=False, help=__doc__)
 app.command()(run)
 app.command()(demo)
+app.command()(doctor)
+app.command()(emulate)
 app.command()(detect)
 app.command()(report)
 app.add_typer(calibrate, name="calibrate")

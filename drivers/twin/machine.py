@@ -19,6 +19,7 @@ from drivers.twin import commands as c
 from drivers.twin.codec import encode
 from drivers.twin.deviations import TrueMachine, draw
 from drivers.twin.faults import FaultPlan, Verb
+from drivers.twin.leaf_pictures import PICTURES, leaf_coverage
 from drivers.twin.light import Light, light_at
 from drivers.twin.network import Network, SentText
 from drivers.twin.nominal import Nominal
@@ -79,6 +80,12 @@ class Twin:
         self.physics.plan = faults.shifted(self._epoch_s)
         self.physics.apply_faults()
         self._snapshot(self.physics.t_s)
+
+    def warm_up(self) -> None:
+        """Do now what the first spraying would have to do, for a machine that must keep to real time."""
+        for k in range(PICTURES):
+            leaf_coverage(k)
+        self._share_out(np.zeros(3), np.array([0.0, 1.0, 0.0]))
 
     def close_truth(self) -> None:
         """Let go of the truth file; the machine tells nothing more."""

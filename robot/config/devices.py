@@ -22,6 +22,7 @@ class _Camera(Section):
     image_size_px: tuple[Pixels, Pixels] = (640, 480)
     exposure_s: Annotated[float, between(1e-5, 0.2)]
     gain: Annotated[float, between(1.0, 32.0)] = 1.0
+    rate_hz: Annotated[float, between(0.1, 120.0)] = 15.0
     lamp: Literal["off", "on"] = "off"
 
 
@@ -39,10 +40,11 @@ class StereoUsbCameraSection(_Camera):
     device: Place
     right_device: Place | None = None
     format: Literal["MJPG", "YUYV"] = "MJPG"
-    rate_hz: Annotated[float, between(1.0, 120.0)] = 15.0
     white_balance_k: Annotated[int, Field(ge=2000, le=10_000)] | None = None
     power_line_hz: Literal[0, 50, 60] = 50
-    latency_s: Annotated[float, between(0.0, 1.0)] = 0.05
+    latency_s: Annotated[float, between(0.0, 1.0)] = 0.03
+    frame_timeout_s: Annotated[float, between(0.1, 5.0)] = 0.5
+    swapped: bool = False
 
 
 class DepthAiCameraSection(_Camera):
@@ -50,7 +52,6 @@ class DepthAiCameraSection(_Camera):
 
     backend: Literal["depthai"]
     device_id: str | None = None
-    rate_hz: Annotated[float, between(1.0, 60.0)] = 15.0
 
 
 class FilesCameraSection(_Camera):
@@ -58,7 +59,6 @@ class FilesCameraSection(_Camera):
 
     backend: Literal["files"]
     source: Place
-    rate_hz: Annotated[float, between(0.1, 120.0)] = 15.0
     loop: bool = True
 
 
@@ -106,16 +106,26 @@ class DynamixelArmSection(_Arm):
 # --- relay board
 
 
+RelayNumber = Annotated[int, Field(ge=1, le=32)]
+
+
 class RelayChannels(Section):
-    valve: Annotated[int, Field(ge=0, le=31)]
-    pump: Annotated[int, Field(ge=0, le=31)]
-    lamp: Annotated[int, Field(ge=0, le=31)]
-    contactor: Annotated[int, Field(ge=0, le=31)]
-    beacon: Annotated[int, Field(ge=0, le=31)]
+    """The relay of each consumer, by the number printed on the board, from 1; what is not wired is left out."""
+
+    valve: RelayNumber
+    pump: RelayNumber
+    lamp: RelayNumber | None = None
+    contactor: RelayNumber | None = None
+    beacon: RelayNumber | None = None
+
+    @property
+    def wired(self) -> dict[str, int]:
+        """Name -> number of all that is wired."""
+        return {name: number for name, number in self.model_dump().items() if number is not None}
 
     @model_validator(mode="after")
     def _each_its_own(self) -> Self:
-        numbers = list(self.model_dump().values())
+        numbers = list(self.wired.values())
         if len(set(numbers)) != len(numbers):
             raise ValueError("two channels share one relay number; give each its own")
         return self
@@ -131,7 +141,8 @@ class ModbusRelaySection(Section):
     unit: UnitId = 1
     profile: str
     channels: RelayChannels
-    lease_s: Annotated[float, between(0.5, 30.0)] = 5.0
+    lease_s: Annotated[float, between(0.2, 30.0)] = 1.0
+    watchdog_s: Annotated[float, between(1.0, 5.0)] = 1.0
     timeout_s: Annotated[float, between(0.02, 1.0)] = 0.1
 
 
@@ -215,6 +226,7 @@ class _Wheels(Section):
     track_m: Annotated[float, between(0.1, 3.0)]
     max_speed_m_s: Annotated[float, between(0.01, 1.0)]
     max_acceleration_m_s2: Annotated[float, between(0.05, 2.0)]
+    command_timeout_s: Annotated[float, between(0.1, 2.0)] = 0.5
 
 
 class MockWheelsSection(_Wheels):
@@ -229,7 +241,6 @@ class Zlac8015dWheelsSection(_Wheels):
     baud: Baud = 115_200
     unit: UnitId = 1
     counts_per_turn: Annotated[int, Field(ge=100, le=1_000_000)] = 4096
-    command_timeout_s: Annotated[float, between(0.1, 2.0)] = 0.5
     swapped: bool = False
     timeout_s: Annotated[float, between(0.02, 1.0)] = 0.1
 

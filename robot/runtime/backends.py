@@ -7,18 +7,13 @@ from contextlib import AsyncExitStack
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from drivers.arm.mock import MockArm
-from drivers.camera.mock import MockCamera
-from drivers.gps.mock import MockGps
-from drivers.inputs.mock import MockInputs
-from drivers.modem.mock import MockModem
-from drivers.relay.mock import MockRelay
 from drivers.twin.machine import Twin
-from drivers.wheels.mock import MockWheels
 from robot.aiming import ArmModel
 from robot.config import Config
 from robot.config.emulated import with_ports
 from robot.runtime.devices import Devices
+from robot.runtime.ports import Ports
+from robot.runtime.workshop import Workshop
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,15 +35,18 @@ def build_devices(
     config: Config, arm: ArmModel, twin: Twin | None, clock: Callable[[], float], options: BuildOptions,
     stack: AsyncExitStack,
 ) -> Devices:  # fmt: skip
-    """Every device of the configuration, not yet open."""
-    config = with_ports(config, options.ports)
-    assert twin is not None
+    """Every device of the configuration, not yet open. ``ConfigError`` for settings that a driver cannot keep.
+
+    The stack closes what is no device (the files of byte traces).
+    """
+    ports = Ports(clock, options.trace, stack)
+    workshop = Workshop(with_ports(config, options.ports), arm, twin, clock, ports)
     return Devices(
-        camera=MockCamera(twin, clock),
-        arm=MockArm(twin, clock),
-        relay=MockRelay(twin, clock),
-        inputs=MockInputs(twin, clock),
-        gps=MockGps(twin, clock),
-        modem=MockModem(twin, clock),
-        wheels=MockWheels(twin, clock),
+        camera=workshop.camera(),
+        arm=workshop.arm(),
+        relay=workshop.relay(),
+        inputs=workshop.inputs(),
+        gps=workshop.gps(),
+        modem=workshop.modem(),
+        wheels=workshop.wheels(),
     )

@@ -38,6 +38,8 @@ from robot.navigation import Row
 from robot.runtime.settings import mounts
 from robot.vision.stereo_rig import StereoRig
 
+EMULATED_QUANTUM_S, EMULATED_LONGEST_S = 0.1, 30.0
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Devices:
@@ -78,6 +80,7 @@ async def _close(name: str, device: _Device, on_trouble: Callable[[str], None]) 
 def nominal_machine(config: Config, rig: StereoRig, urdf_text: str) -> Nominal:
     """The machine as configured, in the twin's words: what the robot is told, from which the twin's truth deviates."""
     base_from_camera, base_from_arm = mounts(config)
+    quantum_s, longest_s = _timer(config)
     return Nominal(
         optics=StereoOptics(
             rig.image_size, rig.K_left, rig.K_right, rig.dist_left, rig.dist_right, rig.R, rig.t_m
@@ -101,8 +104,11 @@ def nominal_machine(config: Config, rig: StereoRig, urdf_text: str) -> Nominal:
         track_m=config.wheels.track_m,
         max_speed_m_s=config.wheels.max_speed_m_s,
         max_acceleration_m_s2=config.wheels.max_acceleration_m_s2,
-        channels=frozenset(Channel),
-        **_board(config),
+        channels=frozenset(Channel(name) for name in config.relay.channels.wired),
+        pulse_quantum_s=quantum_s,
+        pulse_max_s=longest_s,
+        camera_rate_hz=config.camera.rate_hz,
+        drive_timeout_s=config.wheels.command_timeout_s,
         exposure_s=config.camera.exposure_s,
         gain=config.camera.gain,
         gps_latitude_deg=config.navigation.datum_latitude_deg or 0.0,
@@ -120,11 +126,11 @@ def fault_plan(texts: Iterable[str]) -> FaultPlan:
         raise UsageError(f"--fault: {error}") from error
 
 
-def _board(config: Config) -> dict[str, float]:
-    """The timer of a mock board; an emulated one has its own."""
+def _timer(config: Config) -> tuple[float, float]:
+    """Quantum and longest pulse of a mock board; an emulated one times by its own rules, up to its driver's longest."""
     if isinstance(config.relay, MockRelaySection):
-        return {"pulse_quantum_s": config.relay.pulse_quantum_s, "pulse_max_s": config.relay.pulse_max_s}
-    return {}
+        return config.relay.pulse_quantum_s, config.relay.pulse_max_s
+    return EMULATED_QUANTUM_S, EMULATED_LONGEST_S
 
 
 def make_twin(

@@ -50,15 +50,15 @@ async def emulator_process(options: EmulatorOptions) -> AsyncIterator[dict[str, 
         )
         try:
             ports = await _map_of(process)
-            yield {name: _stable(Path(folder), name, place) for name, place in ports.items()}
+            yield _stable(Path(folder), ports)
         finally:
             await _take_down(process)
 
 
-def _stable(folder: Path, name: str, place: str) -> str:
-    """The stable name of a serial port, which outlives an unplugging; an address is stable as it is."""
-    link = folder / name
-    return str(link) if link.is_symlink() else place
+def _stable(folder: Path, ports: dict[str, str]) -> dict[str, str]:
+    """Names that outlive an unplugging, one for all devices on a port; an address is stable as it is."""
+    links = {place: str(folder / name) for name, place in ports.items() if (folder / name).is_symlink()}
+    return {name: links.get(place, place) for name, place in ports.items()}
 
 
 async def _map_of(process: Process) -> dict[str, str]:

@@ -14,6 +14,7 @@ from drivers.errors import DeviceError
 from drivers.twin.machine import Twin
 from robot import safety
 from robot.actuation import Actuation
+from robot.clock import keep_time
 from robot.config import Config
 from robot.errors import ConfigError, FileError, UnavailableError, UsageError
 from robot.events import Bus
@@ -145,6 +146,8 @@ async def run_robot(
         robot = _Robot(config, options, bus, ledger, devices, settings, signals)
         task_id = robot.open_task(todays_task) if options.start else None
         context = robot.context(task_id, detector, rig)
+        if not config.simulated:
+            keep_time()
         bus.publish(RunBegan(task_id, dangling, not options.start, len(row.stops)))
         state = await robot.live(context)
         safe = robot.actuation.state

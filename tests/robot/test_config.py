@@ -61,7 +61,7 @@ def test_an_impossible_value_is_named_with_its_path(tmp_path, old, new, path):
         ("max_shot_ml = 15.0", "max_shot_ml = 5.0", "exceeds safety.max_shot_ml"),
         ("pulse_max_s = 25.5", "pulse_max_s = 1.0", "the longest pulse that the board can time"),
         ("tank_fill_ml = 8000.0", "tank_fill_ml = 80000.0", "exceeds fluid.tank_ml"),
-        ("valve = 0, pump = 1", "valve = 1, pump = 1", "two channels share one relay number"),
+        ("valve = 1, pump = 2", "valve = 2, pump = 2", "two channels share one relay number"),
         ("datum_longitude_deg = 5.0", "", "datum_latitude_deg and datum_longitude_deg together"),
         ("max_speed_m_s = 0.4", "max_speed_m_s = 0.1", "cruise_speed_m_s exceeds"),
     ],

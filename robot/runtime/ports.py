@@ -1,0 +1,68 @@
+"""The serial ports of one robot: each opened once, shared by the devices on it, traced when asked for."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from contextlib import AsyncExitStack
+from pathlib import Path
+
+from drivers.byte_trace import ByteTrace, TraceHead
+from drivers.line import PortSettings
+from drivers.modbus_master import ModbusMaster
+from drivers.serial_port import SerialPort
+from robot.errors import ConfigError, FileError
+
+
+class Ports:
+    """``trace`` is a folder that gets a file of every port's bytes; the stack closes these files."""
+
+    def __init__(self, clock: Callable[[], float], trace: Path | None, stack: AsyncExitStack) -> None:
+        self._clock, self._trace, self._stack = clock, trace, stack
+        self._taken: dict[str, PortSettings] = {}
+        self._buses: dict[str, ModbusMaster] = {}
+
+    def serial(self, settings: PortSettings) -> SerialPort:
+        """A port that one device has for itself."""
+        self._claim(settings)
+        return SerialPort(settings, self._clock, trace=self.trace_of(settings))
+
+    def alone(self, settings: PortSettings) -> PortSettings:
+        """The settings of a port that its driver opens itself, and that no other device may name."""
+        self._claim(settings)
+        return settings
+
+    def modbus(self, settings: PortSettings, timeout_s: float) -> ModbusMaster:
+        """The bus at a port, the same for every device that names it."""
+        bus = self._buses.get(settings.path)
+        if bus is None:
+            bus = self._buses[settings.path] = ModbusMaster(self.serial(settings), timeout_s)
+            return bus
+        first = self._taken[settings.path]
+        if (first.baud, first.parity) != (settings.baud, settings.parity):
+            raise ConfigError(
+                f"{first.device} and {settings.device} share {settings.path} and must speak alike, found "
+                f"{first.baud} {first.parity} and {settings.baud} {settings.parity}; correct one of them"
+            )
+        return bus
+
+    def trace_of(self, settings: PortSettings) -> ByteTrace | None:
+        """A new trace file for a port, None when nobody asked for one."""
+        if self._trace is None:
+            return None
+        head = TraceHead(settings.device, settings.protocol, settings.path, settings.baud)
+        try:
+            self._trace.mkdir(parents=True, exist_ok=True)
+            trace = ByteTrace(self._trace / f"{settings.device}.trace.jsonl", head)
+        except OSError as error:
+            raise FileError(f"{self._trace}: byte traces cannot be written ({error.strerror}); choose another folder") \
+                from error  # fmt: skip
+        self._stack.callback(trace.close)
+        return trace
+
+    def _claim(self, settings: PortSettings) -> None:
+        if settings.path in self._taken:
+            raise ConfigError(
+                f"{settings.device} and {self._taken[settings.path].device} both name {settings.path}; "
+                "give each its own port (only Modbus devices can share one)"
+            )
+        self._taken[settings.path] = settings
