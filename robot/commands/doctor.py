@@ -39,6 +39,7 @@ from robot.runtime.backends import BuildOptions, build_devices, needs_twin
 from robot.runtime.devices import Devices, make_twin
 from robot.runtime.settings import load_arm, load_camera, load_row
 
+PIPED_WIDTH = 160
 STYLES = {Level.OK: "green", Level.WARN: "yellow", Level.FAIL: "bold red"}
 
 
@@ -58,7 +59,10 @@ def doctor(
         for finding in findings:
             sys.stdout.write(json.dumps(asdict(finding)) + "\n")
     else:
-        Console().print(_table(settings, findings))
+        console = Console()
+        if not console.is_terminal:
+            console.width = PIPED_WIDTH
+        console.print(_table(settings, findings))
     return exit_code(findings)
 
 
@@ -88,11 +92,11 @@ async def _examine(config: Config, options: BuildOptions) -> list[Finding]:
                 seen.add(port)
                 findings += port_findings(name, port)
             if not any(finding.device == name and finding.level is Level.FAIL for finding in findings):
-                findings += await _look(name, devices)
+                findings += await _look(name, devices, config.simulated or config.emulated)
     return findings
 
 
-async def _look(name: str, devices: Devices) -> list[Finding]:
+async def _look(name: str, devices: Devices, simulated: bool) -> list[Finding]:
     match name:
         case "relay":
             return await examine(name, devices.relay, lambda: look_at_relay(devices.relay))
@@ -105,7 +109,7 @@ async def _look(name: str, devices: Devices) -> list[Finding]:
         case "camera":
             return await examine(name, devices.camera, lambda: look_at_camera(devices.camera))
         case "gps":
-            return await examine(name, devices.gps, lambda: look_at_gps(devices.gps))
+            return await examine(name, devices.gps, lambda: look_at_gps(devices.gps, simulated))
         case _:
             return await examine(name, devices.modem, lambda: look_at_modem(devices.modem))
 

@@ -234,13 +234,16 @@ class MockWheelsSection(_Wheels):
 
 
 class Zlac8015dWheelsSection(_Wheels):
-    """Two hub motors on a ZLAC8015D controller."""
+    """Two hub motors on a ZLAC8015D controller; without ``max_deceleration_m_s2`` it brakes twice as hard."""
 
     backend: Literal["zlac8015d"]
     port: Place
     baud: Baud = 115_200
     unit: UnitId = 1
     counts_per_turn: Annotated[int, Field(ge=100, le=1_000_000)] = 4096
+    max_deceleration_m_s2: Annotated[float, between(0.05, 4.0)] | None = None
+    left_mirrored: bool = False
+    right_mirrored: bool = True
     swapped: bool = False
     timeout_s: Annotated[float, between(0.02, 1.0)] = 0.1
 

@@ -150,9 +150,8 @@ class EmulatedRover:
         if not isinstance(section, Zlac8015dWheelsSection):
             raise _no_emulator("wheels", section.backend)
         wire, slaves = self._bus_at("wheels", section.port, section.baud)
-        controller = Zlac8015dEmulator(
-            self._twin, self._clock, Mounting(swapped=section.swapped), section.counts_per_turn
-        )
+        mounting = Mounting(section.left_mirrored, section.right_mirrored, section.swapped)
+        controller = Zlac8015dEmulator(self._twin, self._clock, mounting, section.counts_per_turn)
         slaves.add(section.unit, controller, self._line("wheels", wire))
         return wire.path
 

@@ -110,6 +110,9 @@ class Workshop:
                         unit_id=section.unit,
                         counts_per_turn=section.counts_per_turn,
                         command_timeout_s=section.command_timeout_s,
+                        max_deceleration_m_s2=section.max_deceleration_m_s2,
+                        left_mirrored=section.left_mirrored,
+                        right_mirrored=section.right_mirrored,
                         swapped=section.swapped,
                     )
                 port = PortSettings(section.port, "wheels", section.baud, "modbus")
