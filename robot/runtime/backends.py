@@ -7,10 +7,12 @@ from contextlib import AsyncExitStack
 from dataclasses import dataclass, field
 from pathlib import Path
 
+from drivers.relay.values import BoardCapability, refusal_for_automatic
 from drivers.twin.machine import Twin
 from robot.aiming import ArmModel
 from robot.config import Config
 from robot.config.emulated import with_ports
+from robot.errors import ConfigError, UnavailableError
 from robot.runtime.devices import Devices
 from robot.runtime.ports import Ports
 from robot.runtime.workshop import Workshop
@@ -29,6 +31,18 @@ def needs_twin(config: Config) -> bool:
     """Whether some back end is a mock, which lives on the simulated machine in this process."""
     sections = (config.camera, config.arm, config.relay, config.inputs, config.gps, config.modem, config.wheels)
     return any(section.backend == "mock" for section in sections)
+
+
+def require_timed_pulses(capability: BoardCapability, longest_s: float) -> None:
+    """``UnavailableError`` when the board must not spray unattended, or cannot time the longest pulse of a dose."""
+    reason = refusal_for_automatic(capability)
+    if reason is not None:
+        raise UnavailableError(reason)
+    if capability.pulse_max_s < longest_s:
+        raise ConfigError(
+            f"dosing.max_pulse_s ({longest_s:g}) exceeds the longest pulse of the relay board "
+            f"({capability.pulse_max_s:g} s); lower it"
+        )
 
 
 def build_devices(

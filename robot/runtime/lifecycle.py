@@ -22,7 +22,7 @@ from robot.geometry import Pose2
 from robot.ledger import Ledger
 from robot.ledger.values import Checkpoint, Dangling, Task
 from robot.mission import Localiser, Mission, MissionContext, MissionSettings, Progress, State, Trouble
-from robot.runtime.backends import BuildOptions, build_devices, needs_twin
+from robot.runtime.backends import BuildOptions, build_devices, needs_twin, require_timed_pulses
 from robot.runtime.devices import Devices, fault_plan, make_twin
 from robot.runtime.mode_log import ModeLog
 from robot.runtime.recorder import FrameRecorder
@@ -139,6 +139,8 @@ async def run_robot(
             await devices.open(stack, lambda text: bus.publish(Trouble(text, loop.time())))
         except DeviceError as error:
             raise UnavailableError(str(error)) from error
+        if options.start:
+            require_timed_pulses(devices.relay.capability, config.dosing.max_pulse_s)
         detector = detector or make_detector(config.vision.detector)
         ledger.begin_run(uuid.uuid4().hex, datetime.now(UTC))
         dangling = ledger.book_dangling(datetime.now(UTC))
