@@ -13,7 +13,7 @@ from drivers.modem.at_words import ERROR_TABLES
 DEVICE = "modem"
 ESCAPE = b"\x1b"
 NO_ANSWER = "AT"  # the prefix of a command that has a result alone
-QUIET_S = 0.05
+QUIET_S = 0.1
 RESYNC_S = 1.0
 LOOK_UP_S = 0.2  # how often a long wait looks whether it is given up
 
@@ -54,8 +54,14 @@ class AtChannel:
         return self._run(line, self._parser.begin(command, prefix), timeout_s)
 
     def ask_one(self, line: Line, command: str, prefix: str, timeout_s: float = 5.0) -> str:
-        """What stands behind the prefix in an answer of one line."""
+        """What stands behind the prefix in an answer of one line.
+
+        A result without it belongs to an earlier command that was given up: the question is put once more.
+        """
         lines = self.ask(line, command, prefix, timeout_s)
+        if not lines:
+            self._is_unsure = True
+            lines = self.ask(line, command, prefix, timeout_s)
         if not lines:
             raise garbled(f"an answer {prefix} to {command}", self._parser.strange)
         return lines[0].partition(":")[2].strip()
@@ -83,6 +89,8 @@ class AtChannel:
             self._parser.end()
         self._judge(running)
         if not running.lines:
+            line.write(ESCAPE)
+            self._is_unsure = True
             raise garbled(f"an answer {prefix} to {command}", self._parser.strange)
         return running.lines[0].partition(":")[2].strip()
 
@@ -104,6 +112,7 @@ class AtChannel:
             return False
         finally:
             self._parser.end()
+        self._clear(line)  # it may have been the result of something before
         return True
 
     @property

@@ -38,7 +38,8 @@ STATUS_REPORT = 2
 class ModemEmulator:
     """Strict and stateful. ``awkward``: what nobody asked for comes between echo and result, or prompt and reference.
 
-    ``clock`` is the running loop's time. ``serve`` lets it say by itself what happens in the network.
+    ``clock`` is the running loop's time; ``sending_s`` is how long the network takes over a text. ``serve`` lets it
+    say by itself what happens in the network.
     """
 
     def __init__(
@@ -49,6 +50,7 @@ class ModemEmulator:
         *,
         awkward: bool = False,
         lte: bool = False,
+        sending_s: float = SENDING_S,
     ) -> None:
         self._twin, self._clock = twin, clock
         self.sim = EmulatedSim() if sim is None else sim
@@ -56,7 +58,7 @@ class ModemEmulator:
         self.state = ModemState()
         self._post = EmulatedPost(twin, clock, self.sim.smsc)
         self._handlers: dict[str, Handler | TextHandler] = {**GENERAL, **TEXTS, **(LTE if lte else {})}
-        self._awkward = awkward
+        self._awkward, self.sending_s = awkward, sending_s
         self._input = CommandLine(self)
         self._line: BadLine | None = None
         self._held: deque[str] = deque()
@@ -208,7 +210,7 @@ class ModemEmulator:
         """The network takes its time; what the host says meanwhile waits."""
         self._input.hold()
         slow = SLOW_FACTOR if self._verb is Verb.SLOW else 1.0
-        asyncio.get_running_loop().call_later(SENDING_S * slow, self._transmitted, submit, self.restarts)
+        asyncio.get_running_loop().call_later(self.sending_s * slow, self._transmitted, submit, self.restarts)
 
     def _transmitted(self, submit: Submit, restarts: int) -> None:
         if restarts != self.restarts:

@@ -16,11 +16,12 @@ from drivers.modem.at_channel import DEVICE, AtChannel
 from drivers.modem.at_parser import Notice
 from drivers.modem.concatenation import split
 from drivers.modem.delivery import Delivery
-from drivers.modem.gsm_dialogue import GsmDialogue, SimMemory, not_taken, refused_text
+from drivers.modem.gsm_dialogue import GsmDialogue, not_taken, refused_text
 from drivers.modem.gsm_settings import GsmSettings
 from drivers.modem.inbox import Inbox, Stored
 from drivers.modem.pdu import Submit, encode_submit
 from drivers.modem.restart_ladder import RestartLadder, Rung
+from drivers.modem.sim_lock import SimMemory
 from drivers.modem.user_data import Part
 from drivers.modem.values import DeliveryReport, ModemStatus, RejectedText, Sms
 from drivers.serial_port import SerialPort
@@ -227,7 +228,9 @@ class GsmModem:
 
     async def _collect(self) -> None:
         async with self._turn:
-            await asyncio.shield(asyncio.ensure_future(self._read_store()))
+            reading = asyncio.ensure_future(self._read_store())
+            reading.add_done_callback(_retrieve)
+            await asyncio.shield(reading)
 
     async def _read_store(self) -> None:
         deletable = self._inbox.deletable
@@ -239,6 +242,8 @@ class GsmModem:
         self._inbox.update(stored, self._capacity, self._clock())
         if trouble is not None:
             self.trouble = trouble
+        elif self._inbox.deletable:
+            self._wake.set()
 
     async def _send(self, number: str, text: str, parts: tuple[tuple[str, int], ...]) -> None:
         expected = self._delivery.expect(number, text, len(parts)) if self._settings.delivery_reports else None
@@ -258,8 +263,7 @@ class GsmModem:
 
     def _sent(self, sending: asyncio.Task[None]) -> None:
         self._sendings.discard(sending)
-        if not sending.cancelled():
-            sending.exception()  # the caller's, if he still waits
+        _retrieve(sending)
 
 
 def _parts(number: str, text: str, settings: GsmSettings) -> tuple[tuple[str, int], ...]:
@@ -281,6 +285,12 @@ def _parts(number: str, text: str, settings: GsmSettings) -> tuple[tuple[str, in
         )
         for place, piece in enumerate(pieces, start=1)
     )
+
+
+def _retrieve(task: asyncio.Task[None]) -> None:
+    """A caller that was cancelled does not ask for the outcome any more."""
+    if not task.cancelled():
+        task.exception()
 
 
 def _tell(loop: asyncio.AbstractEventLoop, hear: Callable[[Notice], None], notice: Notice) -> None:

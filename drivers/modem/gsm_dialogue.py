@@ -4,15 +4,16 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Collection
-from dataclasses import dataclass
 from typing import NoReturn
 
 from drivers.errors import DeviceFault, DeviceMissing, DeviceRefused, DeviceTimeout, WrongDevice
 from drivers.line import Line
 from drivers.modem import at_words
 from drivers.modem.at_channel import DEVICE, AtChannel, AtRefused, garbled
+from drivers.modem.at_figures import figures_of
 from drivers.modem.gsm_settings import GsmSettings
 from drivers.modem.inbox import Stored
+from drivers.modem.sim_lock import READY, SimLock, SimMemory, without_sim
 from drivers.modem.values import ModemStatus
 
 IDENTITY_S = 2.2  # a modem that finds the baud rate by itself needs several attempts
@@ -22,16 +23,8 @@ LISTING_S = 20.0  # a full store at a low baud rate
 STORE_S = 25.0  # deleting from a slow SIM
 PROMPT_S = 5.0
 RESET_S = 10.0
-SIM_PIN_TRIES = 3
-_NOT_AGAIN = "correct modem.pin and unlock the SIM once in a phone; it is not tried again here, lest the SIM be barred"
-_PIN_ASKED, _PUK_ASKED = "SIM PIN", "SIM PUK"
-
-
-@dataclass(slots=True)
-class SimMemory:
-    """What is remembered of a SIM while its driver lives: a PIN that was refused is never tried again."""
-
-    pin_is_spent: bool = False
+SET_UP_S = 0.5
+SIM_PATIENCE_S = 1.5  # for a SIM that is still starting
 
 
 class GsmDialogue:
@@ -40,8 +33,10 @@ class GsmDialogue:
     def __init__(
         self, line: Line, channel: AtChannel, settings: GsmSettings, sim: SimMemory, clock: Callable[[], float]
     ) -> None:
-        self._line, self._channel, self._settings, self._sim, self._clock = line, channel, settings, sim, clock
+        self._line, self._channel, self._settings, self._clock = line, channel, settings, clock
         self._deadline_s = float("inf")
+        self._is_starting = False  # the SIM has only now been unlocked
+        self._lock = SimLock(line, channel, sim, settings.pin, self._within)
 
     # --- at the beginning
 
@@ -63,18 +58,22 @@ class GsmDialogue:
         tells_errors = self._obeys("AT+CMEE=1")
         model = self._model()
         try:
-            self._unlock(self._sim_state())
+            state = self._lock.state(self._settings.answer_timeout_s, SIM_PATIENCE_S)
         except AtRefused as refused:
             if refused.code is None and not tells_errors:
                 raise WrongDevice(
                     DEVICE, "a modem with a SIM", f"a device that answers AT and knows none ({model})",
                     "correct the port: a modem with several has the SIM's commands on its AT port",
                 ) from refused  # fmt: skip
-            raise DeviceFault(DEVICE, "a SIM that is ready", str(refused.found), _sim_remedy(refused.code)) from refused
+            raise without_sim(refused) from refused
+        self._lock.open(state, self._settings.answer_timeout_s)
+        self._is_starting = state != READY
         return model
 
     def set_up(self) -> int | None:
-        """PDU mode, store, notices. The store's capacity, None while the SIM is not ready for it: ask again later."""
+        """PDU mode, store, notices. The store's capacity, None while there is no time or no ready SIM: ask again."""
+        if self._within(SET_UP_S) < SET_UP_S:
+            return None
         self._ask("AT+CMGF=0")
         for detail in ("AT+CREG=1", "AT+COPS=3,0"):
             self._obeys(detail)
@@ -82,47 +81,41 @@ class GsmDialogue:
         try:
             told = self._ask_one(f'AT+CPMS="{store}","{store}","{store}"', "+CPMS")
         except AtRefused as refused:
-            if refused.code in (at_words.SIM_BUSY, at_words.STORE_BUSY):
+            if self._is_starting or refused.code in (at_words.SIM_BUSY, at_words.STORE_BUSY):
                 return None
             raise
         report = 1 if self._settings.delivery_reports else 0
         for notices in (f"2,1,0,{report},0", f"1,1,0,{report},0", "2,1"):
             if self._obeys(f"AT+CNMI={notices}"):
                 break
-        return _figures(told, 2)[1]
+        return figures_of(told, 2)[1]
 
     # --- later
 
     def status(self) -> ModemStatus:
         """SIM, registration, operator, signal: four exchanges."""
         try:
-            sim_ready = self._sim_state() == "READY"
+            sim_ready = self._lock.state(self._settings.answer_timeout_s) == READY
         except AtRefused:
             sim_ready = False
-        if sim_ready:
-            self._sim.pin_is_spent = False
         state = self.registration()
         registered = state in at_words.REGISTERED
         operator = self._operator() if registered else None
-        rssi = _figures(self._ask_one("AT+CSQ", "+CSQ"), 1)[0]
+        rssi = figures_of(self._ask_one("AT+CSQ", "+CSQ"), 1)[0]
         return ModemStatus(
             self._clock(), sim_ready, registered, operator, at_words.signal_dbm(rssi) if registered else None
         )
 
     def registration(self) -> int:
         """The state of 27.007, 7.2; of the packet network when there is none for calls."""
-        state = _figures(self._ask_one("AT+CREG?", "+CREG"), 2)[1]
+        state = figures_of(self._ask_one("AT+CREG?", "+CREG"), 2)[1]
         if state in at_words.REGISTERED:
             return state
         try:
-            wide = _figures(self._ask_one("AT+CEREG?", "+CEREG"), 2)[1]
+            wide = figures_of(self._ask_one("AT+CEREG?", "+CEREG"), 2)[1]
         except AtRefused:  # a modem of the second or third generation
             return state
         return wide if wide in at_words.REGISTERED else state
-
-    def unlock_if_asked(self) -> None:
-        """After a restart: the PIN once more, if it was the right one before."""
-        self._unlock(self._sim_state())
 
     def send(self, pdu: str, octets: int) -> int:
         """The reference that the network gave. ``DeviceFault`` when it does not take the text."""
@@ -137,7 +130,7 @@ class GsmDialogue:
                 DEVICE, silence.expected, silence.found,
                 "it is not known whether the network took the text; look at power, cable and signal",
             ) from silence  # fmt: skip
-        return _figures(told, 1)[0]
+        return figures_of(told, 1)[0]
 
     def listing(self) -> tuple[Stored, ...]:
         """All that lies in the store."""
@@ -149,7 +142,7 @@ class GsmDialogue:
             body = lines[at + 1] if at + 1 < len(lines) else ""
             if body.startswith("+CMGL") or not body:
                 raise garbled("a PDU behind each +CMGL", head.encode("latin-1"))
-            slot, state = _figures(head.partition(":")[2], 2)
+            slot, state = figures_of(head.partition(":")[2], 2)
             stored.append(Stored(slot, state, body.upper()))
         return tuple(stored)
 
@@ -173,75 +166,6 @@ class GsmDialogue:
     def restart(self) -> None:
         """The modem begins from its power-up; it is silent for some seconds."""
         self._channel.ask(self._line, "AT+CFUN=1,1", None, RESET_S)
-
-    # --- the SIM
-
-    def _sim_state(self) -> str:
-        while True:
-            try:
-                return self._ask_one("AT+CPIN?", "+CPIN")
-            except AtRefused as refused:
-                if refused.code != at_words.SIM_BUSY or time.monotonic() + 0.3 > self._deadline_s:
-                    raise
-                self._channel.overhear(self._line.read_some(0.2))
-
-    def _unlock(self, state: str) -> None:
-        if state == "READY":
-            self._sim.pin_is_spent = False
-        elif state == _PIN_ASKED:
-            self._enter_pin()
-        elif state == _PUK_ASKED:
-            raise DeviceFault(
-                DEVICE, "a SIM that is ready", f"the SIM locked: it asks for its PUK ({self._tries(_PUK_ASKED)})",
-                "put it into a phone, give the PUK of its card and a new PIN, and set modem.pin to that",
-            )  # fmt: skip
-        else:
-            raise DeviceFault(
-                DEVICE, "a SIM that is ready", f"the SIM locked: it asks for {state[:40]}",
-                "unlock it in a phone, or ask its operator",
-            )  # fmt: skip
-
-    def _enter_pin(self) -> None:
-        pin = self._settings.pin
-        left = self._tries_left(_PIN_ASKED)
-        told = _tries_text(left)
-        if pin is None:
-            raise self._locked(f"asks for its PIN ({told})", "set modem.pin, or turn the PIN off in a phone")
-        if self._sim.pin_is_spent or (left is not None and left < SIM_PIN_TRIES):
-            raise self._locked(
-                f"has refused a PIN before ({told})",
-                _NOT_AGAIN,
-            )
-        self._sim.pin_is_spent = True
-        try:
-            self._channel.ask(self._line, f'AT+CPIN="{pin}"', None, self._within(self._settings.answer_timeout_s))
-        except AtRefused as refused:
-            raise self._locked(
-                f"refused its PIN: {refused.found} ({self._tries(_PIN_ASKED)})",
-                _NOT_AGAIN,
-            ) from refused
-        self._sim.pin_is_spent = False
-
-    def _locked(self, found: str, remedy: str) -> DeviceFault:
-        return DeviceFault(DEVICE, "a SIM that is ready", f"the SIM locked: it {found}", remedy)
-
-    def _tries(self, asked: str) -> str:
-        return _tries_text(self._tries_left(asked))
-
-    def _tries_left(self, asked: str) -> int | None:
-        """By 27.007, 8.65, or SIMCom's own command; None when the modem tells neither."""
-        try:
-            for line in self._channel.ask(self._line, f'AT+CPINR="{asked}"', "+CPINR", self._within(1.0)):
-                name, _, rest = line.partition(":")[2].partition(",")
-                if name.strip(' "') == asked:
-                    return _figures(rest, 1)[0]
-        except AtRefused:
-            pass
-        try:
-            pin, puk = _figures(self._channel.ask_one(self._line, "AT+SPIC", "+SPIC", self._within(1.0)), 2)
-        except AtRefused:
-            return None
-        return pin if asked == _PIN_ASKED else puk
 
     # --- in small
 
@@ -301,27 +225,3 @@ def not_taken(found: str) -> DeviceFault:
 
 def refused_text(why: ValueError) -> NoReturn:
     raise DeviceRefused(DEVICE, "a text that can be sent", str(why), "shorten the text or correct the number") from why
-
-
-def _figures(told: str, count: int) -> list[int]:
-    """The first figures of an answer, separated by commas."""
-    words = told.split(",")[:count]
-    try:
-        figures = [int(word.strip(' "')) for word in words]
-    except ValueError:
-        figures = []
-    if len(figures) < count:
-        raise garbled(f"{count} figures", told.encode("latin-1", "replace"))
-    return figures
-
-
-def _tries_text(left: int | None) -> str:
-    return "attempts left: not known" if left is None else f"attempts left: {left}"
-
-
-def _sim_remedy(code: int | None) -> str:
-    if code == at_words.SIM_ABSENT:
-        return "put a SIM in, its contacts to the reader"
-    if code == at_words.SIM_BUSY:
-        return "wait half a minute and start again"
-    return "take the SIM out and put it in again, or try another"

@@ -103,9 +103,7 @@ class Inbox:
         if whole is not None:
             self._finish(whole.sender, whole.text, whole.sent_utc, whole.sources, now_s)
 
-    def _finish(
-        self, sender: str, text: str, sent_utc: datetime | None, pdus: tuple[str, ...], now_s: float
-    ) -> None:
+    def _finish(self, sender: str, text: str, sent_utc: datetime | None, pdus: tuple[str, ...], now_s: float) -> None:
         if len(text) > LONGEST_CHARACTERS:
             for pdu in pdus:
                 self._reject(pdu, "oversize", f"{len(text)} characters, more than {LONGEST_CHARACTERS}", now_s)
