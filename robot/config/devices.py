@@ -160,15 +160,49 @@ class MockInputsSection(Section):
     backend: Literal["mock"]
 
 
+class InputModule(Section):
+    """A module on the bus, by its kind."""
+
+    kind: Literal["analog-8", "digital-8", "inclinometer"]
+    unit: UnitId
+
+
+class InputPoint(Section):
+    """Where a quantity is read: ``raw * scale + offset``; outside ``low`` to ``high`` it is not believed."""
+
+    quantity: str
+    unit: UnitId
+    area: Literal["coils", "contacts", "holding", "input"]
+    address: Annotated[int, Field(ge=0, le=0xFFFF)]
+    kind: Literal["contact", "u16", "i16", "u32", "u32_low_first", "f32", "f32_low_first", "counter"]
+    scale: float = 1.0
+    offset: float = 0.0
+    low: float = float("-inf")
+    high: float = float("inf")
+
+
 class ModbusInputsSection(Section):
-    """Sensors on Modbus modules, as ``profile`` wires them; they may share the relay board's port."""
+    """Sensors on Modbus modules; they may share the relay board's port.
+
+    Without ``modules`` and ``points`` they are wired as in the reference rig, whose pressure and battery sensors give
+    20 mA at ``pressure_full_bar`` and ``battery_full_v``.
+    """
 
     backend: Literal["modbus"]
     port: Place
     baud: Baud = 9600
     parity: Parity = "N"
-    profile: str
+    modules: tuple[InputModule, ...] = ()
+    points: tuple[InputPoint, ...] = ()
+    pressure_full_bar: Annotated[float, between(1.0, 100.0)] = 10.0
+    battery_full_v: Annotated[float, between(5.0, 100.0)] = 40.0
     timeout_s: Annotated[float, between(0.02, 1.0)] = 0.1
+
+    @model_validator(mode="after")
+    def _both_or_none(self) -> Self:
+        if bool(self.modules) != bool(self.points):
+            raise ValueError("give modules and points together, or neither for the reference rig")
+        return self
 
 
 # --- position

@@ -35,8 +35,9 @@ from robot.config.devices import (
     Zlac8015dWheelsSection,
 )
 from robot.errors import ConfigError
+from robot.runtime.device_settings import servo_joints
 from robot.runtime.devices import make_twin
-from robot.runtime.settings import load_arm, load_camera, load_row, servo_joints
+from robot.runtime.settings import load_arm, load_camera, load_row
 
 DEVICES = ("arm", "relay", "inputs", "gps", "modem", "wheels", "camera")
 LOOK_S = 0.02  # how often plugs and the clock of the machine are seen to
@@ -141,6 +142,8 @@ class EmulatedRover:
         section = self._config.inputs
         if not isinstance(section, ModbusInputsSection):
             raise _no_emulator("inputs", section.backend)
+        if section.points:
+            raise ConfigError("inputs.points: only the reference rig has an emulator; leave points and modules out")
         wire, slaves = self._bus_at("inputs", section.port, section.baud)
         EmulatedInputs(self._twin, self._clock).join(slaves, self._line("inputs", wire))
         return wire.path

@@ -6,14 +6,11 @@ import math
 import tomllib
 from pathlib import Path
 
-from drivers.arm.control_tables import MODELS
-from drivers.arm.joints import JointSettings, ServoSettings
 from robot import safety
 from robot.actuation import HandSettings
 from robot.aiming import AimingParameters, ArmModel, RoverBody, parse_urdf
 from robot.calibration_file import load_rig
 from robot.config import Config
-from robot.config.devices import DynamixelArmSection, JointServos
 from robot.dosing import Caps, DoseLaw, FlowModel, LawKind, PulseLimits
 from robot.errors import ConfigError
 from robot.geometry import Transform, body_from_optical, transform_from_xyz_rpy
@@ -49,31 +46,6 @@ def load_arm(config: Config, config_path: Path) -> tuple[ArmModel, str]:
                     f"{joint.lower_rad:.3f}..{joint.upper_rad:.3f}; correct the angle"
                 )
     return model, text
-
-
-def servo_joints(section: DynamixelArmSection, model: ArmModel) -> tuple[JointSettings, ...]:
-    """The arm's joints as servos, limits from the URDF; ``ConfigError`` when names or servos do not fit."""
-    names = [joint.name for joint in model.joints]
-    if odd := sorted(set(names) ^ set(section.servos)):
-        raise ConfigError(
-            f"arm.servos names {', '.join(section.servos)}; the URDF's joints are {', '.join(names)}; correct {odd[0]}"
-        )
-    return tuple(
-        JointSettings(joint.name, _servos(section.servos[joint.name]), joint.lower_rad, joint.upper_rad)
-        for joint in model.joints
-    )
-
-
-def _servos(joint: JointServos) -> tuple[ServoSettings, ...]:
-    """The first servo as it is told, the second the other way round where it faces the first."""
-    if joint.model not in MODELS:
-        raise ConfigError(f"arm.servos: unknown model '{joint.model}'; known are {', '.join(MODELS)}")
-    return tuple(
-        ServoSettings(
-            servo_id, joint.model, joint.reversed != (place == 1 and joint.shadow_reversed), joint.zero_tick
-        )
-        for place, servo_id in enumerate(joint.ids)
-    )
 
 
 def load_camera(config: Config, config_path: Path) -> StereoRig:

@@ -22,8 +22,7 @@ from drivers.gps.mock import MockGps
 from drivers.gps.nmea import NmeaGps, NmeaSettings
 from drivers.inputs.interface import Inputs
 from drivers.inputs.mock import MockInputs
-from drivers.inputs.modbus import InputsSettings, ModbusInputs
-from drivers.inputs.profiles import reference_modules, reference_points
+from drivers.inputs.modbus import ModbusInputs
 from drivers.line import PortSettings
 from drivers.modem.gsm import GsmModem
 from drivers.modem.gsm_settings import GsmSettings
@@ -59,8 +58,8 @@ from robot.config.devices import (
     Zlac8015dWheelsSection,
 )
 from robot.errors import ConfigError
+from robot.runtime.device_settings import inputs_settings, servo_joints
 from robot.runtime.ports import Ports
-from robot.runtime.settings import servo_joints
 
 
 class Workshop:
@@ -188,10 +187,8 @@ class Workshop:
             case MockInputsSection():
                 return MockInputs(self._twin, self._clock)
             case ModbusInputsSection() as section:
-                fluid = self._config.fluid
                 with _settings_of("inputs"):
-                    points = reference_points(fluid.tank_ml, 1000.0 / fluid.meter_ml_per_pulse)
-                    settings = InputsSettings(reference_modules(), points, section.timeout_s)
+                    settings = inputs_settings(section, self._config.fluid)
                 port = PortSettings(section.port, "inputs", section.baud, "modbus", section.parity)
                 return ModbusInputs(settings, self._ports.modbus(port, section.timeout_s), self._clock)
             case _ as never:
