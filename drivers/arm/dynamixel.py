@@ -6,33 +6,23 @@ import asyncio
 from collections.abc import Callable
 from concurrent.futures import Future
 from contextlib import suppress
-from dataclasses import dataclass
 
 import numpy as np
 
+from drivers.arm.following import HEARTBEAT_S, Follower
 from drivers.arm.joints import DynamixelSettings
 from drivers.arm.servo_group import ServoGroup
 from drivers.arm.servo_health import ArmDiagnostics, told
 from drivers.arm.servo_line import DEVICE
 from drivers.arm.values import ArmState, JointTrajectory
 from drivers.errors import DeviceError, DeviceFault, DeviceLost, DeviceRefused
-from drivers.line import Line
 from drivers.serial_port import SerialPort
 
 USER = "arm"
 START_TOLERANCE_RAD = 0.1
 LIMIT_TOLERANCE_RAD = 0.01
-POLL_S = 0.08
+POLL_S = 0.1
 RECENT_S = 0.03
-
-
-@dataclass(frozen=True, slots=True)
-class _Run:
-    """A trajectory under way; ``number`` is its turn."""
-
-    trajectory: JointTrajectory
-    start_s: float
-    number: int
 
 
 class DynamixelArm:
@@ -69,19 +59,20 @@ class DynamixelArm:
         poller.cancel()
         await asyncio.wait({poller})
         try:
-            if self._following:
-                await asyncio.wrap_future(self.post_hold())
-            await self._port.run(self._group.leave)
+            with suppress(DeviceLost):  # without the host the servos stop and hold by themselves
+                if self._following:
+                    await asyncio.wrap_future(self.post_hold())
+                await self._port.run(self._group.leave)
         finally:
             await self._port.detach(USER)
 
     async def state(self) -> ArmState:
         self._require_open()
         if self._following and (recent := self._group.recent_state(RECENT_S)) is not None:
-            self._group.require_sound()
+            self._group.roster.require_sound()
             return recent
         state = await self._port.run(self._group.read_state)
-        self._group.require_sound()
+        self._group.roster.require_sound()
         return state
 
     async def torque(self, on: bool) -> None:
@@ -117,13 +108,13 @@ class DynamixelArm:
         """What is known of servos and bus without asking them."""
         group = self._group
         return ArmDiagnostics(
-            servos=tuple(told(health) for health in group.health.values()),
+            servos=tuple(told(health) for health in group.roster.health.values()),
             cycles=group.cadence.cycles,
             cycle_mean_s=group.cadence.mean_s,
             cycle_worst_s=group.cadence.worst_s,
             late_cycles=group.cadence.late,
-            garbled=group.garbled,
-            silences=group.silences,
+            garbled=group.roster.garbled,
+            silences=group.roster.silences,
             notes=group.notes,
         )
 
@@ -151,40 +142,34 @@ class DynamixelArm:
                     DEVICE, f"{joint.name} between {joint.low_rad:.3f} and {joint.high_rad:.3f} rad",
                     f"{low:.3f} to {high:.3f} rad", "plan within the joint's limits",
                 )  # fmt: skip
-        self._group.require_working()
+        self._group.roster.require_working()
 
     async def _stream(self, trajectory: JointTrajectory, turn: int) -> None:
-        """Cancelled or failing, the arm brakes and holds."""
+        """Failing, the follower has braked; for whatever else ends this the arm brakes and holds."""
+        follower = Follower(self._port, self._group, trajectory, self._clock, lambda: self._turn == turn)
+        following = asyncio.wrap_future(follower.done)
+        following.add_done_callback(_retrieve)
+        losses = self._port.statistics.losses
         try:
-            await self._port.run(self._group.begin_stream)
-            run, cycle = _Run(trajectory, self._clock(), turn), 0
-            end_s = run.start_s + trajectory.duration_s
-            while not await self._port.run(lambda line: self._cycle(line, run)):
-                cycle = max(cycle + 1, int((self._clock() - run.start_s) / self._settings.cycle_s))
-                due_s = min(run.start_s + cycle * self._settings.cycle_s, end_s)
-                await asyncio.sleep(max(0.0, due_s - self._clock()))
+            await self._port.run(follower.start)
+            while not following.done():
+                await asyncio.wait({following}, timeout=HEARTBEAT_S)
+                follower.heartbeat()
                 self._require_open()
+                if self._port.statistics.losses != losses and not following.done():
+                    raise DeviceLost(DEVICE, "its port to be there", "it unplugged", "plug it in again")
         except BaseException as error:
             if self._turn == turn:
                 await self._brake(error)
             raise
-
-    def _cycle(self, line: Line, run: _Run) -> bool:
-        """In the owner thread: the goals of this moment; whether they were the last."""
-        if self._turn != run.number:
-            raise DeviceFault(DEVICE, "to follow to the end", "a stop meanwhile", "plan from where the arm is")
-        time_s = self._clock() - run.start_s
-        self._group.cycle(line, run.trajectory.at(time_s))
-        return time_s >= run.trajectory.duration_s
+        following.result()
 
     async def _brake(self, error: BaseException) -> None:
         """The stop is under way before anything else; what it could not do is told with the error."""
         braking = asyncio.wrap_future(self.post_hold())
+        braking.add_done_callback(_retrieve)
         try:
             await asyncio.shield(braking)
-        except asyncio.CancelledError:
-            braking.add_done_callback(_retrieve)
-            raise
         except DeviceError as failed:
             error.add_note(f"stopping: {failed}")
 

@@ -14,7 +14,7 @@ BROADCAST = 0xFE
 HIGHEST_ID = 252
 ALERT = 0x80  # in the error byte of a status packet: register 70 is not 0
 LONGEST_BODY = 1024
-_STUFFED, _PLAIN = b"\xff\xff\xfd\xfd", b"\xff\xff\xfd"
+STUFFED, _PLAIN = b"\xff\xff\xfd\xfd", b"\xff\xff\xfd"
 _BEFORE_BODY = 7  # header, id, length
 
 
@@ -95,7 +95,7 @@ def crc16(data: bytes, crc: int = 0) -> int:
 
 def packet(servo_id: int, instruction: int, data: bytes = b"") -> bytes:
     """A whole packet, stuffed, with length and CRC. ``data`` begins after the instruction (in a status: the error)."""
-    body = _stuff(bytes([instruction]) + data)
+    body = stuff(bytes([instruction]) + data)
     head = HEADER + bytes([servo_id]) + (len(body) + 2).to_bytes(2, "little")
     return head + body + crc16(head + body).to_bytes(2, "little")
 
@@ -104,9 +104,9 @@ def status(servo_id: int, error: int, data: bytes = b"") -> bytes:
     return packet(servo_id, Instruction.STATUS, bytes([error]) + data)
 
 
-def _stuff(body: bytes) -> bytes:
+def stuff(body: bytes) -> bytes:
     """An FD after every FF FF FD, so that no body holds a header."""
-    return body.replace(_PLAIN, _STUFFED)
+    return body.replace(_PLAIN, STUFFED)
 
 
 @dataclass(frozen=True, slots=True)
@@ -205,7 +205,7 @@ def _open(raw: bytes) -> Packet | Broken:
     body = raw[_BEFORE_BODY:-2]
     if servo_id == BROADCAST and instruction == Instruction.STATUS:
         return Packet(servo_id, instruction, body[1:], size)
-    plain = body.replace(_STUFFED, _PLAIN)
-    if _stuff(plain) != body:
+    plain = body.replace(STUFFED, _PLAIN)
+    if stuff(plain) != body:
         return Broken(servo_id, instruction, "FF FF FD stands unstuffed in it", size)
     return Packet(servo_id, instruction, plain[1:], size)

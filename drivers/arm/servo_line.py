@@ -129,12 +129,15 @@ class ServoLine:
         self._require(result, servo_id, "a reboot")
         self._require_done(error, servo_id, "a reboot")
 
-    def sync_write(self, address: int, data: Mapping[int, bytes]) -> None:
-        """The same registers of several servos at once; they do not answer."""
+    def sync_write(self, address: int, data: Mapping[int, bytes], *, with_next: bool = False) -> None:
+        """The same registers of several servos at once; nobody answers. ``with_next``: goes with the next request."""
         size = len(next(iter(data.values())))
         parameters = [byte for servo_id, values in data.items() for byte in (servo_id, *values)]
-        self._port.is_using = False
-        self._handler.syncWriteTxOnly(self._port, address, size, parameters, len(parameters))
+        self._port.is_using, self._port.holds = False, with_next
+        try:
+            self._handler.syncWriteTxOnly(self._port, address, size, parameters, len(parameters))
+        finally:
+            self._port.holds = False
 
     def sync_read(self, address: int, size: int, servo_ids: Sequence[int], *, fast: bool = False) -> Answers:
         """The same registers of several servos. Never raises for what does not come: see ``Answers``."""
