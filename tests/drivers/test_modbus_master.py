@@ -6,6 +6,8 @@ import asyncio
 import time
 
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from drivers.errors import DeviceFault, DeviceLost, DeviceTimeout
 from drivers.modbus_frames import with_crc
@@ -200,3 +202,36 @@ def test_a_unit_id_that_cannot_be_is_refused() -> None:
                 await bus.master.run(lambda line, number=number: unit(line, number))  # type: ignore[misc]
 
     on_a_bus(test, (1, Memory()))
+
+
+VALID = with_crc(bytes([1, 3, 4, 0xBE, 0xEF, 0, 7]))
+ANSWERS = st.one_of(
+    st.binary(max_size=40),
+    st.builds(lambda place, bit: flipped(VALID, place, bit), st.integers(0, 100), st.integers(0, 7)),
+    st.builds(lambda end: VALID[:end], st.integers(0, len(VALID))),
+    st.builds(lambda before, after: before + VALID + after, st.binary(max_size=3), st.binary(max_size=3)),
+)
+
+
+def flipped(frame: bytes, place: int, bit: int) -> bytes:
+    changed = bytearray(frame)
+    changed[place % len(frame)] ^= 1 << bit
+    return bytes(changed)
+
+
+@settings(max_examples=30, deadline=None)
+@given(ANSWERS)
+def test_only_the_whole_answer_and_nothing_else_is_believed(answer: bytes) -> None:
+    async def test(bus: Bus) -> None:
+        bus.slaves.add(1, Scripted(bus, answer), bus.line)
+
+        def job(line: ModbusLine) -> list[int]:
+            return line.unit("tank", 1, 0.05).read_holding(0, 2)
+
+        if answer == VALID:
+            assert await bus.master.run(job) == [0xBEEF, 7]
+        else:
+            with pytest.raises(DeviceTimeout if not answer else DeviceFault):
+                await bus.master.run(job)
+
+    on_a_bus(test)
