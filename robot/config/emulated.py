@@ -22,7 +22,7 @@ def with_ports(config: Config, ports: Mapping[str, str]) -> Config:
         changed["camera"] = config.camera.model_copy(update={"device": ports["camera"]})
     gps = changed.get("gps")
     if isinstance(gps, NmeaGpsSection) and gps.ntrip is not None and "ntrip" in ports:
-        host, _, port = ports["ntrip"].removeprefix("http://").partition(":")
+        host, _, port = ports["ntrip"].partition(":")
         ntrip = gps.ntrip.model_copy(update={"host": host, "port": int(port)})
         changed["gps"] = gps.model_copy(update={"ntrip": ntrip})
     return config.model_copy(update=changed)

@@ -14,7 +14,9 @@ from drivers.camera.emulator import CameraEmulator
 from drivers.emulation.bad_line import BadLine
 from drivers.emulation.modbus_slave import ModbusSlaves
 from drivers.emulation.wire import PtyWire
-from drivers.gps.emulator import GpsEmulator
+from drivers.gps.base_station import BaseStation
+from drivers.gps.caster import Caster, CasterSettings
+from drivers.gps.emulator import EmulatedReceiver, GpsEmulator
 from drivers.inputs.emulator import EmulatedInputs
 from drivers.modem.emulator import ModemEmulator
 from drivers.relay.emulator import emulated_board
@@ -58,7 +60,10 @@ async def emulated_rover(
         twin.warm_up()
         rover = EmulatedRover(config, arm_model, twin, asyncio.get_running_loop().time, links)
         async with asyncio.TaskGroup() as group:
-            ports = {device: await rover.add(device) for device in DEVICES if device in devices}
+            ports: dict[str, str] = {}
+            for device in DEVICES:
+                if device in devices:
+                    ports |= await rover.add(device)
             lives = [group.create_task(life()) for life in rover.lives]
             try:
                 yield ports
@@ -66,12 +71,17 @@ async def emulated_rover(
                 rover.unplug()
                 for life in lives:
                     life.cancel()
+                for end in rover.ends:
+                    await end()
     finally:
         twin.close_truth()
 
 
 class EmulatedRover:
-    """Emulators and wires, one after another as they are asked for; ``lives`` are to be run as tasks."""
+    """Emulators and wires, one after another as they are asked for.
+
+    ``lives`` are to be run as tasks, ``ends`` to be called at the end.
+    """
 
     def __init__(
         self, config: Config, arm_model: ArmModel, twin: Twin, clock: Callable[[], float], links: Path | None
@@ -80,9 +90,10 @@ class EmulatedRover:
         self._wires: dict[str, PtyWire] = {}
         self._buses: dict[str, tuple[PtyWire, ModbusSlaves]] = {}
         self.lives: list[Callable[[], Coroutine[Any, Any, None]]] = [self._mind]
+        self.ends: list[Callable[[], Coroutine[Any, Any, None]]] = []
 
-    async def add(self, device: str) -> str:
-        """Build the emulator of a device, plug it in, and say where it is."""
+    async def add(self, device: str) -> dict[str, str]:
+        """Build the emulator of a device, plug it in, and say where it is (with the receiver comes its caster)."""
         builders: dict[str, Callable[[], str]] = {
             "arm": self._arm,
             "relay": self._relay,
@@ -91,7 +102,10 @@ class EmulatedRover:
             "modem": self._modem,
             "wheels": self._wheels,
         }
-        return await self._camera() if device == "camera" else builders[device]()
+        ports = {device: await self._camera() if device == "camera" else builders[device]()}
+        if device == "gps" and (caster := await self._caster()) is not None:
+            ports["ntrip"] = caster
+        return ports
 
     def unplug(self) -> None:
         for wire in self._wires.values():
@@ -162,7 +176,8 @@ class EmulatedRover:
         section = self._config.gps
         if not isinstance(section, NmeaGpsSection):
             raise _no_emulator("gps", section.backend)
-        emulator = GpsEmulator(self._twin, self._clock)
+        receiver = EmulatedReceiver(needs_corrections=section.ntrip is not None)
+        emulator = GpsEmulator(self._twin, self._clock, receiver)
         wire = self._wire("gps", section.baud, emulator.receive)
         emulator.connect(self._line("gps", wire))
         self.lives.append(emulator.serve)
@@ -177,6 +192,19 @@ class EmulatedRover:
         emulator.connect(self._line("modem", wire))
         self.lives.append(emulator.serve)
         return wire.path
+
+    async def _caster(self) -> str | None:
+        """The address of a caster beside the row; None when the receiver is to have no corrections."""
+        section = self._config.gps
+        if not isinstance(section, NmeaGpsSection) or section.ntrip is None:
+            return None
+        nominal, ntrip = self._twin.nominal, section.ntrip
+        station = BaseStation(nominal.gps_latitude_deg, nominal.gps_longitude_deg, nominal.gps_altitude_m)
+        users = {ntrip.user: ntrip.password.get_secret_value()} if ntrip.user else {}
+        caster = Caster(CasterSettings({ntrip.mountpoint: station}, users), self._clock)
+        port = await caster.start()
+        self.ends.append(caster.stop)
+        return f"127.0.0.1:{port}"
 
     async def _camera(self) -> str:
         section = self._config.camera

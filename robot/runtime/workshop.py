@@ -17,9 +17,11 @@ from drivers.camera.interface import StereoCamera
 from drivers.camera.mock import MockCamera
 from drivers.camera.stereo_usb import StereoUsb
 from drivers.camera.stereo_usb_settings import StereoUsbSettings
+from drivers.gps.corrected import CorrectedGps
 from drivers.gps.interface import Gps
 from drivers.gps.mock import MockGps
 from drivers.gps.nmea import NmeaGps, NmeaSettings
+from drivers.gps.ntrip import NtripSettings
 from drivers.inputs.interface import Inputs
 from drivers.inputs.mock import MockInputs
 from drivers.inputs.modbus import ModbusInputs
@@ -126,7 +128,20 @@ class Workshop:
             case NmeaGpsSection() as section:
                 port = self._ports.alone(PortSettings(section.port, "gps", section.baud, "nmea"))
                 settings = NmeaSettings(output_delay_s=section.delay_s)
-                return NmeaGps(settings, port, self._clock, self._ports.trace_of(port))
+                receiver = NmeaGps(settings, port, self._clock, self._ports.trace_of(port))
+                if section.ntrip is None:
+                    return receiver
+                with _settings_of("gps.ntrip"):
+                    ntrip = NtripSettings(
+                        host=section.ntrip.host,
+                        mountpoint=section.ntrip.mountpoint,
+                        port=section.ntrip.port,
+                        user=section.ntrip.user,
+                        password=section.ntrip.password.get_secret_value(),
+                        tls=section.ntrip.tls,
+                        gga_every_s=section.ntrip.gga_every_s,
+                    )
+                return CorrectedGps(receiver, ntrip, self._clock)
             case _ as never:
                 assert_never(never)
 
