@@ -14,8 +14,10 @@ from robot.commands.demo import demo
 from robot.commands.detect import detect
 from robot.commands.doctor import doctor
 from robot.commands.emulate import emulate
+from robot.commands.jog import app as jog
 from robot.commands.report import report
 from robot.commands.run import run
+from robot.commands.spray import spray
 from robot.errors import FileError, SprayerError, UnavailableError, UsageError
 from robot.runtime.signals import STOPPING
 
@@ -29,6 +31,8 @@ app.command()(emulate)
 app.command()(detect)
 app.command()(report)
 app.add_typer(calibrate, name="calibrate")
+app.add_typer(jog, name="jog")
+app.command()(spray)
 
 
 def main() -> None:

@@ -155,6 +155,20 @@ def supports(config: Config, row: Row) -> tuple[tuple[float, float], ...]:
     return tuple((spacing_m * (0.5 + index), y_m) for index in range(count))
 
 
+def dose_settings(config: Config) -> DoseSettings:
+    return DoseSettings(
+        law=dose_law(config),
+        flow=FlowModel(
+            config.fluid.nozzle_flow_ml_s,
+            config.fluid.nozzle_pressure_bar,
+            config.fluid.valve_open_s,
+            config.fluid.valve_close_s,
+        ),
+        pulses=PulseLimits(config.dosing.min_pulse_s, config.dosing.max_pulse_s),
+        caps=Caps(shot_ml=config.safety.max_shot_ml),
+    )
+
+
 def mission_settings(config: Config, row: Row, arm: ArmModel) -> MissionSettings:
     base_from_camera, base_from_arm = mounts(config)
     camera_m = base_from_arm.inverse().apply(base_from_camera.translation_m)
@@ -189,17 +203,7 @@ def mission_settings(config: Config, row: Row, arm: ArmModel) -> MissionSettings
             min_diameter_m=config.targets.min_diameter_m,
             max_diameter_m=config.targets.max_diameter_m,
         ),
-        dose=DoseSettings(
-            law=dose_law(config),
-            flow=FlowModel(
-                config.fluid.nozzle_flow_ml_s,
-                config.fluid.nozzle_pressure_bar,
-                config.fluid.valve_open_s,
-                config.fluid.valve_close_s,
-            ),
-            pulses=PulseLimits(config.dosing.min_pulse_s, config.dosing.max_pulse_s),
-            caps=Caps(shot_ml=config.safety.max_shot_ml),
-        ),
+        dose=dose_settings(config),
         drive=DriveLimits(
             max_speed_m_s=max_speed_m_s,
             max_deceleration_m_s2=min(0.3, config.wheels.max_acceleration_m_s2),

@@ -1,0 +1,137 @@
+"""Keeps a machine's readings fresh while it is up, stops it when a device fails, and lets go of it at the end."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import AsyncIterator, Awaitable, Callable, Sequence
+from contextlib import asynccontextmanager
+from dataclasses import dataclass
+
+from drivers.wheels.values import Odometry
+from robot import safety
+from robot.actuation import Actuation
+from robot.config import Config
+from robot.errors import UnavailableError
+from robot.ledger import Ledger
+from robot.runtime.devices import Devices
+from robot.runtime.mode_log import ModeLog
+from robot.runtime.settings import hand_settings, limits
+from robot.safety.failsafe import Action, action_for
+from robot.supervision import Supervisor
+
+FIRST_READINGS_S = 3.0
+_MUST_STOP = (safety.Mode.AUTO, safety.Mode.MANUAL, safety.Mode.PAUSED, safety.Mode.SAFE_STOP, safety.Mode.ESTOP)
+
+
+@dataclass(frozen=True, slots=True)
+class Poll:
+    """A task beside those that safety needs; see ``Supervisor.poll``."""
+
+    name: str
+    owner: str
+    step: Callable[[], Awaitable[None]]
+    period_s: float
+    longest_silence_s: float
+
+
+class Upkeep:
+    """Owns actuation, its polls and the log of modes. ``on_mode`` and ``on_trouble`` are told what happens."""
+
+    def __init__(
+        self, config: Config, devices: Devices, ledger: Ledger, on_mode: Callable[[safety.SafetyState], None],
+        on_trouble: Callable[[str], None],
+    ) -> None:  # fmt: skip
+        self._on_mode, self._on_trouble = on_mode, on_trouble
+        self._modes = ModeLog(ledger)
+        self._told = safety.SafetyState()
+        self.actuation = Actuation(
+            devices.arm, devices.relay, devices.wheels, devices.inputs, ledger, limits(config), hand_settings(config),
+            self._mode_changed,
+        )  # fmt: skip
+
+    @asynccontextmanager
+    async def living(
+        self, on_odometry: Callable[[Odometry], None], polls: Sequence[Poll] = ()
+    ) -> AsyncIterator[asyncio.TaskGroup]:
+        """Poll and supervise as long as the block lasts; then valve shut, base halted, arm held, outputs off.
+
+        ``UnavailableError`` when a device does not report. Errors leave in an ``ExceptionGroup``.
+        """
+        try:
+            async with asyncio.TaskGroup() as group:
+                supervisor = Supervisor(group, lambda name, text: self._on_fault(group, name, text))
+                logging = group.create_task(self._modes.run(), name="mode log")
+                try:
+                    self._supervise(supervisor, on_odometry, polls)
+                    await self._first_readings()
+                    yield group
+                finally:
+                    await self._let_go()
+                    supervisor.stop()
+                    logging.cancel()
+        finally:
+            self._modes.write_rest()
+
+    async def arm(self, verb: safety.Verb, cause: str, lamp: bool = False) -> None:
+        """Contactor and torque on, then arm, then ``verb``. ``UnavailableError`` with the reasons against it."""
+        await self.actuation.energise(lamp)
+        for step in (safety.Verb.ARM, verb):
+            decision = self.actuation.change_mode(step, cause)
+            if not decision.allowed:
+                reasons = (*decision.reasons, *self.actuation.state.causes)
+                raise UnavailableError(f"cannot {step}: {'; '.join(reasons)}")
+
+    def _supervise(
+        self, supervisor: Supervisor, on_odometry: Callable[[Odometry], None], polls: Sequence[Poll]
+    ) -> None:
+        async def poll_odometry() -> None:
+            await self.actuation.poll_odometry()
+            if self.actuation.odometry is not None:
+                on_odometry(self.actuation.odometry)
+
+        supervisor.poll("sensors", "actuation", self.actuation.poll_sensors, 0.1, 0.5)
+        supervisor.poll("odometry", "actuation", poll_odometry, 0.05, 0.3)
+        supervisor.poll("arm", "actuation", self.actuation.poll_arm, 0.1, 0.5)
+        supervisor.poll("relay", "actuation", self.actuation.poll_relay, 0.2, 5.0)
+        for poll in polls:
+            supervisor.poll(poll.name, poll.owner, poll.step, poll.period_s, poll.longest_silence_s)
+        supervisor.watch()
+
+    async def _first_readings(self) -> None:
+        try:
+            async with asyncio.timeout(FIRST_READINGS_S):
+                while True:
+                    if self.actuation.all_reported:
+                        break
+                    await asyncio.sleep(0.02)
+        except TimeoutError:
+            raise UnavailableError(
+                f"not every device reported within {FIRST_READINGS_S} s; look at the faults above and mend the device"
+            ) from None
+        await self.actuation.begin_metering()
+
+    async def _let_go(self) -> None:
+        """A stop that is under way is made again, so that it is over before the devices are closed."""
+        state = self.actuation.state
+        if state.mode in _MUST_STOP:
+            for part in await self.actuation.stop(state.causes[-1] if state.causes else "the program is going down"):
+                self._tell_failed(part.part, part.error)
+        for part in await self.actuation.de_energise():
+            self._tell_failed(part.part, part.error)
+
+    def _tell_failed(self, part: str, error: str) -> None:
+        if error:
+            self._on_trouble(f"{part}: {error}")
+
+    def _mode_changed(self, state: safety.SafetyState) -> None:
+        if (state.mode, state.causes) == (self._told.mode, self._told.causes):
+            return
+        self._told = state
+        self._modes.put(f"{state.mode} {'; '.join(state.causes)}".strip(), asyncio.get_running_loop().time())
+        self._on_mode(state)
+
+    def _on_fault(self, group: asyncio.TaskGroup, name: str, text: str) -> None:
+        what = text if text.startswith(f"{name}: ") else f"{name}: {text}"
+        self._on_trouble(what)
+        if action_for(name) >= Action.PAUSE and self.actuation.state.mode is not safety.Mode.DISARMED:
+            group.create_task(self.actuation.stop(what), name=f"stop for {name}")
