@@ -131,7 +131,10 @@ def split_commands(line: str) -> list[tuple[str, str]]:
             rest = rest[1:].lstrip()
         elif match := _EXTENDED.match(rest.upper()):
             name = match[1]
-            commands.append((name, rest[len(name) : match.end()].strip()))
+            form = rest[len(name) : match.end()].strip()
+            if form not in ("", "?") and not form.startswith("="):
+                raise AtError
+            commands.append((name, form))
             rest = rest[match.end() :].lstrip()
         elif match := _BASIC.match(rest.upper()):
             name, rest = match[0], rest[match.end() :]

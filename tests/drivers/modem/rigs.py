@@ -52,10 +52,10 @@ class Rig:
                 await asyncio.sleep(0.5)
         return texts
 
-    async def until(self, condition: Callable[[], bool], longest_s: float = 300.0) -> None:
+    async def until(self, condition: Callable[[], bool], longest_s: float = 300.0, step_s: float = 0.1) -> None:
         async with asyncio.timeout(longest_s):
             while not condition():  # noqa: ASYNC110 - the emulated world gives no signal
-                await asyncio.sleep(0.1)
+                await asyncio.sleep(step_s)
 
 
 def run(

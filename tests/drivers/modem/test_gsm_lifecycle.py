@@ -231,14 +231,14 @@ def test_a_network_that_stays_away_leads_up_the_ladder() -> None:
         bench.network(False)
         begun_s = bench.clock()
         setting_up = bench.heard.count(b"AT+CNMI=")
-        await bench.until(lambda: bench.heard.count(b"AT+CNMI=") > setting_up, 200.0)
+        await bench.until(lambda: bench.heard.count(b"AT+CNMI=") > setting_up, 200.0, 2.0)
         assert 60.0 <= bench.clock() - begun_s < 120.0
         assert bench.emulator.restarts == 0
-        await bench.until(lambda: bench.emulator.restarts == 1, 400.0)
+        await bench.until(lambda: bench.emulator.restarts == 1, 400.0, 2.0)
         assert 300.0 <= bench.clock() - begun_s < 360.0
         assert b"AT+CFUN=1,1" in bench.heard
         assert not bench.power_cycles
-        await bench.until(lambda: len(bench.power_cycles) == 1, 900.0)
+        await bench.until(lambda: len(bench.power_cycles) == 1, 900.0, 5.0)
         assert 900.0 <= bench.power_cycles[0] - begun_s < 960.0
         bench.network(True)
         await asyncio.sleep(60.0)
@@ -264,7 +264,7 @@ def test_a_hung_modem_is_switched_off_and_on() -> None:
         bench.emulator.hung = True
         with pytest.raises(DeviceTimeout):
             await bench.device.status()
-        await bench.until(lambda: bool(bench.power_cycles), 2000.0)
+        await bench.until(lambda: bool(bench.power_cycles), 2000.0, 5.0)
         await asyncio.sleep(60.0)
         assert (await bench.device.status()).registered
         assert bench.device.trouble is None
