@@ -10,6 +10,8 @@ import typer
 
 from drivers.errors import DeviceError
 from robot.commands.calibrate import app as calibrate
+from robot.commands.calibrate_flow import calibrate_flow
+from robot.commands.config_check import app as config
 from robot.commands.demo import demo
 from robot.commands.detect import detect
 from robot.commands.doctor import doctor
@@ -31,8 +33,10 @@ app.command()(emulate)
 app.command()(detect)
 app.command()(report)
 app.add_typer(calibrate, name="calibrate")
+app.add_typer(config, name="config")
 app.add_typer(jog, name="jog")
 app.command()(spray)
+calibrate.command("flow")(calibrate_flow)
 
 
 def main() -> None:

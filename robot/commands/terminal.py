@@ -40,6 +40,12 @@ class Answers:
             nobody_waits.set()
 
     @property
+    def from_terminal(self) -> bool:
+        """Whether a person types, who can be asked again."""
+        number = _descriptor()
+        return number is not None and os.isatty(number)
+
+    @property
     def ended(self) -> bool:
         return self._ended and not self._rest
 

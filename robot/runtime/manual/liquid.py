@@ -52,6 +52,7 @@ class LiquidByHand:
         sensors = hands.actuation.sensors
         assert sensors is not None  # the session began with a reading
         self._doses = 0
+        self.shot_pressure_bar = math.nan  # as read before the last dose
         tank_ml = max(0.0, min(hands.task.tank_fill_ml, sensors.tank_level_ml))
         self.task_id = hands.ledger.begin_task(replace(hands.task, tank_fill_ml=tank_ml))
         self._actuation.begin_task(self.task_id, tank_ml, 0.0, {})
@@ -65,7 +66,7 @@ class LiquidByHand:
         """One dose in as many pulses as it takes. ``Refused`` before anything opened, or between two pulses."""
         settings = self._hands.settings.dose
         await self._ready(ml)
-        planned = _plan(settings, ml, self.pressure_bar)
+        planned = _plan(settings, ml, self.shot_pressure_bar)
         if isinstance(planned, Refusal):
             raise Refused(f"{ml:g} ml: {planned.reason}")
         return await self._open(planned.open_s, ml)
@@ -74,7 +75,7 @@ class LiquidByHand:
         """One opening of ``open_s`` seconds, whatever that gives."""
         flow = self._hands.settings.dose.flow
         await self._ready(flow.volume_ml(open_s, flow.pressure_bar))
-        (result,) = await self._open((open_s,), flow.volume_ml(open_s, self.pressure_bar))
+        (result,) = await self._open((open_s,), flow.volume_ml(open_s, self.shot_pressure_bar))
         return result
 
     async def rest(self) -> None:
@@ -86,6 +87,7 @@ class LiquidByHand:
         await self._prime()
         await settle(self._hands)
         self._actuation.mark_frame()
+        self.shot_pressure_bar = self.pressure_bar
 
     async def _wait_for_the_minute(self, ml: float) -> None:
         """Until the cap of a rolling minute leaves room for what a dose can give at the most."""
@@ -131,8 +133,8 @@ class LiquidByHand:
                 pulse_s = self._actuation.board_pulse_s(each_s)
                 order = PulseOrder(
                     target_id=number, stop=0, number=place, due_ml=ml, dose_ml=ml / len(open_s),
-                    model_ml=settings.flow.volume_ml(each_s, self.pressure_bar), open_s=each_s, pulse_s=pulse_s,
-                    full_ml=full_pulse_ml(settings, pulse_s, self.pressure_bar),
+                    model_ml=settings.flow.volume_ml(each_s, self.shot_pressure_bar), open_s=each_s, pulse_s=pulse_s,
+                    full_ml=full_pulse_ml(settings, pulse_s, self.shot_pressure_bar),
                 )  # fmt: skip
                 results.append(await self._actuation.spray(order))
         finally:
