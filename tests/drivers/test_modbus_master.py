@@ -81,13 +81,13 @@ def test_garbage_is_a_fault_that_says_so() -> None:
 class Scripted:
     """Answers with given bytes, whatever it is asked."""
 
-    def __init__(self, bus: Bus, *answers: bytes) -> None:
+    def __init__(self, bus: Bus, *answers: bytes, delay_s: float = 0.002) -> None:
         self._answers = list(answers)
-        self._bus = bus
+        self._bus, self._delay_s = bus, delay_s
 
     def answer(self, function: int, data: bytes) -> bytes | None:
         if self._answers:
-            self._bus.wire.send(self._answers.pop(0), 0.002)
+            self._bus.wire.send(self._answers.pop(0), self._delay_s)
         return None
 
 
@@ -118,12 +118,15 @@ def test_a_late_answer_is_not_taken_for_the_next_one() -> None:
     late, fresh = (with_crc(bytes([1, 3, 2, 0, value])) for value in (7, 8))
 
     async def test(bus: Bus) -> None:
-        bus.slaves.add(1, Scripted(bus), bus.line)
-        asyncio.get_running_loop().call_later(0.15, bus.wire.send, late)
-        with pytest.raises(DeviceTimeout):
-            await bus.master.run(lambda line: unit(line).read_holding(0, 1))
-        bus.slaves.add(1, Scripted(bus, fresh), bus.line)
-        assert await bus.master.run(lambda line: unit(line).read_holding(0, 1)) == [8]
+        bus.slaves.add(1, Scripted(bus, late, delay_s=0.3), bus.line)
+
+        def job(line: ModbusLine) -> list[int]:
+            with pytest.raises(DeviceTimeout):
+                line.unit("tank", 1, 0.25).read_holding(0, 1)
+            bus.slaves.add(1, Scripted(bus, fresh, delay_s=0.15), bus.line)
+            return line.unit("tank", 1, 0.25).read_holding(0, 1)
+
+        assert await bus.master.run(job) == [8]
 
     on_a_bus(test)
 

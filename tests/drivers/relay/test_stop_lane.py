@@ -1,0 +1,105 @@
+"""Whatever shuts goes before whatever waits."""
+
+from __future__ import annotations
+
+import asyncio
+import threading
+from collections.abc import Awaitable, Callable
+
+import pytest
+
+from drivers.errors import DeviceTimeout
+from drivers.modbus_frames import with_crc
+from drivers.relay.modbus import ModbusRelay
+from drivers.relay.values import Channel
+from tests.drivers.relay.boards import Bench, on_board, until
+
+SHUTS: dict[str, Callable[[ModbusRelay], Awaitable[None]]] = {
+    "cancel": lambda relay: relay.cancel(Channel.VALVE),
+    "all_off": lambda relay: relay.all_off(),
+    "switch off": lambda relay: relay.switch(Channel.VALVE, False),
+    "close": lambda relay: relay.close(),
+}
+
+
+@pytest.mark.parametrize("name", SHUTS)
+def test_what_shuts_overtakes_a_full_queue(name: str) -> None:
+    async def test(bench: Bench) -> None:
+        await bench.relay.pulse(Channel.VALVE, 5.0)
+        gate = threading.Event()
+        blocking = asyncio.ensure_future(bench.master.run(lambda line: gate.wait(5.0)))
+        reads = [asyncio.ensure_future(bench.relay.read()) for _ in range(20)]
+        await asyncio.sleep(0.02)
+        sent = len(bench.trace.requests())
+        shutting = asyncio.ensure_future(SHUTS[name](bench.relay))
+        await asyncio.sleep(0.02)
+        gate.set()
+        await until(lambda: not bench.on())
+        assert bench.trace.requests()[sent][1] in (5, 15)
+        await shutting
+        await blocking
+        await asyncio.gather(*reads, return_exceptions=True)
+
+    on_board("waveshare-8", test)
+
+
+def test_a_pulse_waits_its_turn() -> None:
+    async def test(bench: Bench) -> None:
+        gate = threading.Event()
+        blocking = asyncio.ensure_future(bench.master.run(lambda line: gate.wait(5.0)))
+        read = asyncio.ensure_future(bench.relay.read())
+        await asyncio.sleep(0.02)
+        pulse = asyncio.ensure_future(bench.relay.pulse(Channel.VALVE, 0.2))
+        await asyncio.sleep(0.02)
+        gate.set()
+        await asyncio.gather(blocking, read, pulse)
+        assert [frame[1] for frame in bench.trace.requests()[-2:]] == [1, 5]
+
+    on_board("waveshare-8", test)
+
+
+def test_a_stop_may_be_posted_from_another_thread() -> None:
+    async def test(bench: Bench) -> None:
+        await bench.relay.pulse(Channel.VALVE, 5.0)
+        posted = bench.master.post_stop(lambda line: line.unit("relay", 1).write_coil(0, 0x0000))
+        await asyncio.wrap_future(posted)
+        assert not bench.on()
+
+    on_board("waveshare-8", test)
+
+
+def test_a_close_that_is_not_answered_is_tried_three_times() -> None:
+    async def test(bench: Bench) -> None:
+        await bench.relay.pulse(Channel.VALVE, 0.5)
+        await asyncio.sleep(1.1 - bench.clock())
+        sent = len(bench.trace.writes())
+        with pytest.raises(DeviceTimeout, match="silence"):
+            await bench.relay.cancel(Channel.VALVE)
+        assert bench.trace.writes()[sent:] == 3 * [bytes.fromhex("01 05 00 00 00 00 cd ca")]
+
+    on_board("waveshare-8", test, "relay:off@1s")
+
+
+def test_an_opening_that_is_not_answered_is_tried_once() -> None:
+    async def test(bench: Bench) -> None:
+        await asyncio.sleep(1.1)
+        sent = len(bench.trace.writes())
+        with pytest.raises(DeviceTimeout, match="silence"):
+            await bench.relay.pulse(Channel.VALVE, 0.2)
+        assert bench.trace.writes()[sent:] == [with_crc(bytes.fromhex("01 05 02 00 00 02"))]
+
+    on_board("waveshare-8", test, "relay:off@1s")
+
+
+def test_a_reading_comes_through_when_two_of_three_answers_are_lost() -> None:
+    async def test(bench: Bench) -> None:
+        await asyncio.sleep(1.0)
+        failed = 0
+        for _ in range(40):
+            try:
+                await bench.relay.read()
+            except DeviceTimeout:
+                failed += 1
+        assert failed <= 14  # one in eight on the average, where one try would lose one in two
+
+    on_board("waveshare-8", test, "relay:intermittent@1s", reply_timeout_s=0.05)
