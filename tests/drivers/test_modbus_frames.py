@@ -231,7 +231,7 @@ def test_the_decoder_tells_each_frame_and_each_error() -> None:
         "unit 1 read holding 0x0064 count 1",
         "unit 1 read holding: exception 2 (illegal data address)",
         "unit 2 write registers 0x0003 count 2 = 0x0002 0x0007",
-        "CRC error: 02 10 00 03 ff ff",
+        "CRC error in an answer: 02 10 00 03 ff ff",
         "all units write coils 0x0000 count 8 = 00000000",
     ]
 
