@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import time
 from collections.abc import Callable
 
@@ -12,6 +13,7 @@ from drivers.modem.at_words import ERROR_TABLES
 
 DEVICE = "modem"
 ESCAPE = b"\x1b"
+_SECRET = re.compile(r"(\+CPIN=|\+CLCK=|\+CPWD=)[^;]+", re.IGNORECASE)
 NO_ANSWER = "AT"  # the prefix of a command that has a result alone
 QUIET_S = 0.1
 RESYNC_S = 1.0
@@ -24,7 +26,7 @@ class AtRefused(DeviceFault):
     def __init__(self, command: str, final: str) -> None:
         self.kind, _, told = final.partition(":")
         self.code, words = _code_and_words(self.kind, told.strip())
-        super().__init__(DEVICE, f"{_without_secrets(command)} to be obeyed", words, "check the SIM and the network")
+        super().__init__(DEVICE, f"{without_secrets(command)} to be obeyed", words, "check the SIM and the network")
 
 
 class AtChannel:
@@ -150,7 +152,7 @@ class AtChannel:
             self._parser.feed(line.read_some(min(left_s, LOOK_UP_S)))
 
     def _silence(self, running: Dialogue, timeout_s: float) -> DeviceFault | DeviceTimeout:
-        command = _without_secrets(running.command)
+        command = without_secrets(running.command)
         if self.strange:
             return garbled(f"an answer to {command}", self.strange)
         return DeviceTimeout(
@@ -201,5 +203,6 @@ def _code_and_words(kind: str, told: str) -> tuple[int | None, str]:
     return known.get(told.lower()), f"{kind} ({told[:60]})"
 
 
-def _without_secrets(command: str) -> str:
-    return "AT+CPIN=..." if command.startswith("AT+CPIN=") else command
+def without_secrets(command: str) -> str:
+    """A command as it may be shown: PIN and PUK are not."""
+    return _SECRET.sub(r"\1...", command)
