@@ -12,7 +12,7 @@ from drivers.gps.values import Fix
 
 
 class CorrectedGps:
-    """Implements ``drivers.gps.interface.Gps``. A caster that cannot be reached costs accuracy, no fix; see ``ntrip``."""
+    """Implements ``drivers.gps.interface.Gps``. A caster out of reach costs accuracy, no fix; see ``ntrip``."""
 
     def __init__(self, receiver: NmeaGps, settings: NtripSettings, clock: Callable[[], float]) -> None:
         self.receiver = receiver

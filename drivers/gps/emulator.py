@@ -26,11 +26,15 @@ FLOAT_FOR_S = 60.0
 
 @dataclass(frozen=True, slots=True)
 class EmulatedReceiver:
-    """What the receiver sends of each epoch, in order. ``needs_corrections``: its RTK lives on RTCM that comes in."""
+    """What the receiver sends of each epoch, in order. ``needs_corrections``: its RTK lives on RTCM that comes in.
+
+    Epochs for which ``baud`` leaves no time are dropped, as receivers do.
+    """
 
     talker: str = "GN"
     kinds: tuple[Kind, ...] = ("RMC", "GGA", "VTG", "GSA", "GST")
     needs_corrections: bool = False
+    baud: int = 115_200
 
 
 class GpsEmulator:
@@ -44,6 +48,8 @@ class GpsEmulator:
         self._corrected_s: float | None = None
         self._quality = twin.nominal.gps_quality
         self._frozen: Fix | None = None
+        self._free_s = 0.0  # when the last burst is through
+        self.dropped_epochs = 0
 
     @property
     def corrections(self) -> RtcmStatistics:
@@ -94,7 +100,12 @@ class GpsEmulator:
 
     def _send(self, line: BadLine, fix: Fix, epoch_s: float) -> None:
         begin_s = epoch_s + OUTPUT_DELAY_S + (STALE_S if line.verb is Verb.DELAYED else 0.0)
-        for sentence in self._sentences(fix):
+        if self._free_s > begin_s + 1.0 / self._twin.nominal.gps_rate_hz:
+            self.dropped_epochs += 1
+            return
+        sentences = self._sentences(fix)
+        self._free_s = max(begin_s, self._free_s) + sum(map(len, sentences)) * 10.0 / self._settings.baud
+        for sentence in sentences:
             line.say(sentence, max(0.0, begin_s - self._clock()))
 
     def _sentences(self, fix: Fix) -> list[bytes]:

@@ -14,7 +14,6 @@ from drivers.gps.epochs import Epoch, EpochAssembler
 from drivers.gps.identify import identify
 from drivers.gps.moments import EpochMoments
 from drivers.gps.nmea_sentences import Sentence
-from drivers.gps.ntrip import NtripClient, NtripSettings, NtripStatus
 from drivers.gps.sentence_reader import ReaderStatistics, SentenceReader
 from drivers.gps.values import Fix
 from drivers.line import Line, PortSettings
@@ -31,13 +30,12 @@ class NmeaSettings:
     """``output_delay_s``: from an epoch to the first bit of its sentences (of the receiver's make; 0.03 to 0.1).
 
     ``timeout_s``: silence that is an error. A time before ``earliest_utc`` or 20 years after it is not believed
-    (receivers count weeks modulo 1024); the position is. ``ntrip``: where corrections for RTK come from, if they do.
+    (receivers count weeks modulo 1024); the position is.
     """
 
     output_delay_s: float = 0.06
     timeout_s: float = 2.0
     earliest_utc: datetime = datetime(2026, 1, 1, tzinfo=UTC)
-    ntrip: NtripSettings | None = None
 
 
 class NmeaGps:
@@ -54,9 +52,6 @@ class NmeaGps:
         self._loop: asyncio.AbstractEventLoop | None = None
         self._next: asyncio.Future[tuple[float, Epoch]] | None = None
         self._quiet: asyncio.TimerHandle | None = None
-        ntrip = settings.ntrip
-        self._caster = None if ntrip is None else NtripClient(ntrip, self.correct, lambda: self.last_gga, clock)
-        self._correcting: asyncio.Task[None] | None = None
         self.heard_bytes = 0  # all that has been looked at, since the beginning
         self._begin()
 
@@ -74,14 +69,8 @@ class NmeaGps:
     async def open(self) -> None:
         self._loop = asyncio.get_running_loop()
         await self.port.attach(USER, self._greet)
-        if self._caster is not None and self._correcting is None:
-            self._correcting = asyncio.create_task(self._caster.run())
 
     async def close(self) -> None:
-        correcting, self._correcting = self._correcting, None
-        if correcting is not None:
-            correcting.cancel()
-            await asyncio.wait({correcting})
         await self.port.detach(USER)
         if self._quiet is not None:
             self._quiet.cancel()
@@ -101,11 +90,6 @@ class NmeaGps:
     async def correct(self, rtcm: bytes) -> None:
         """Give corrections to the receiver. ``DeviceLost``, ``DeviceTimeout``."""
         await self.port.run(lambda line: line.write(rtcm))
-
-    @property
-    def corrections(self) -> NtripStatus | None:
-        """How the corrections do; None when none are configured."""
-        return None if self._caster is None else self._caster.status
 
     @property
     def last_gga(self) -> bytes:
@@ -129,8 +113,6 @@ class NmeaGps:
         raise self._nothing_came(before)
 
     async def _require_port(self) -> None:
-        if self._correcting is not None and self._correcting.done():
-            self._correcting.result()  # it never ends by itself: raises why it did
         if not self.port.connected:
             await self.port.run(_nothing)  # raises what is to be said about it
 

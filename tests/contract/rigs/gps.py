@@ -14,7 +14,6 @@ from drivers.line import PortSettings
 from drivers.twin import Twin
 from tests.contract.rigged import Rigged
 
-BAUD = 115_200
 SENDS = EmulatedReceiver(kinds=("RMC", "GGA", "VTG", "GSA", "GST", "HDT"))
 
 
@@ -31,11 +30,11 @@ class CountingWire(PtyWire):
 
 def emulated_gps(twin: Twin, clock: Callable[[], float], receiver: EmulatedReceiver = SENDS) -> Rigged[NmeaGps]:
     emulator = GpsEmulator(twin, clock, receiver)
-    wire = CountingWire(BAUD, emulator.receive)
+    wire = CountingWire(receiver.baud, emulator.receive)
     emulator.connect(BadLine("gps", twin, clock, wire.send, wire.byte_s))
     wire.plug()
     life = asyncio.get_running_loop().create_task(emulator.serve())
-    device = NmeaGps(NmeaSettings(), PortSettings(wire.path, "gps", BAUD, "nmea"), clock)
+    device = NmeaGps(NmeaSettings(), PortSettings(wire.path, "gps", receiver.baud, "nmea"), clock)
 
     def reading() -> bool:
         """Bytes that have left the terminal may not have reached the event loop."""

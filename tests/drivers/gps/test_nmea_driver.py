@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import asyncio
 from dataclasses import replace
-from datetime import UTC, datetime
+from datetime import UTC, datetime, timedelta
 from itertools import pairwise
 
 import pytest
@@ -216,3 +216,16 @@ def test_surroundings_change_the_quality() -> None:
         assert fix.quality is FixQuality.DGPS
 
     run(test)
+
+
+def test_a_receiver_whose_wire_is_too_slow_drops_epochs_and_does_not_fall_behind() -> None:
+    """464 bytes take 480 ms at 9600 baud: two epochs a second instead of five, none older than two bursts."""
+
+    async def test(rigged: Rigged[NmeaGps], twin: Twin) -> None:
+        await asyncio.sleep(10.0)
+        fixes = [await rigged.device.next_fix() for _ in range(6)]
+        assert now() - fixes[-1].stamp_s < 2.5
+        assert all(b.utc - a.utc > timedelta(seconds=0.2) for a, b in pairwise(fixes) if a.utc and b.utc)
+        assert (fixes[-1].stamp_s - fixes[0].stamp_s) / 5 == pytest.approx(0.48, abs=0.13)
+
+    run(test, receiver=replace(SENDS, baud=9600))

@@ -14,13 +14,21 @@ from typing import Any
 
 import pytest
 
+from drivers.emulation.bad_line import BadLine
+from drivers.emulation.wire import PtyWire
 from drivers.errors import DeviceLost
 from drivers.gps import ntrip
 from drivers.gps.base_station import BaseStation
 from drivers.gps.caster import Caster, CasterFault, CasterSettings
+from drivers.gps.corrected import CorrectedGps
+from drivers.gps.emulator import EmulatedReceiver, GpsEmulator
+from drivers.gps.nmea import NmeaGps, NmeaSettings
 from drivers.gps.ntrip import NtripClient, NtripSettings
 from drivers.gps.ntrip_talk import request
 from drivers.gps.rtcm import RtcmFramer
+from drivers.gps.values import FixQuality
+from drivers.line import PortSettings
+from tests.drivers.twin import rig
 
 BASE = BaseStation(47.6605, 9.1755, 452.0)
 GGA = b"$GNGGA,100000.00,4739.6000000,N,00910.5000000,E,4,18,0.70,404.000,M,0.000,M,1.0,0001*4B"
@@ -304,6 +312,45 @@ def test_pauses_grow_to_a_minute_and_shrink_after_a_success(monkeypatch: pytest.
         full_s = min(60.0, 2.0**number)
         assert 0.5 * full_s <= pause_s <= full_s
     assert len({round(pause_s / min(60.0, 2.0**n), 6) for n, pause_s in enumerate(pauses[:12])}) > 6, "no jitter"
+
+
+def test_a_receiver_on_a_caster_comes_to_a_fixed_solution_and_loses_it_with_the_caster() -> None:
+    """Driver, client, caster and emulated receiver together."""
+
+    async def main() -> None:
+        loop = asyncio.get_running_loop()
+        begun_s = loop.time()
+        twin = rig.twin()
+        emulator = GpsEmulator(twin, lambda: loop.time() - begun_s, EmulatedReceiver(needs_corrections=True))
+        wire = PtyWire(115_200, emulator.receive)
+        emulator.connect(BadLine("gps", twin, lambda: loop.time() - begun_s, wire.send, wire.byte_s))
+        wire.plug()
+        serving = asyncio.create_task(emulator.serve())
+        async with caster_of(CLOSED) as (caster, port):
+            settings = replace(PLACE, port=port, user="anna", password="s3cret", timeout_s=2.0)
+            receiver = NmeaGps(NmeaSettings(), PortSettings(wire.path, "gps", 115_200, "nmea"), loop.time)
+            device = CorrectedGps(receiver, settings, loop.time)
+            await device.open()
+            try:
+                while (await device.next_fix()).quality is not FixQuality.RTK_FIXED:
+                    assert loop.time() < begun_s + 20.0
+                assert device.ntrip.connected
+                assert emulator.corrections.frames >= 1
+                assert emulator.corrections.stray_bytes == 0
+                await until(lambda: caster.positions)
+                assert caster.positions[-1].startswith(b"$GNGGA,")
+                caster.fault = CasterFault.STALL
+                while (await device.next_fix()).quality is FixQuality.RTK_FIXED:
+                    assert loop.time() < begun_s + 60.0
+                assert (await device.next_fix()).quality is FixQuality.RTK_FLOAT
+                await until(lambda: not device.ntrip.connected)
+            finally:
+                await device.close()
+        serving.cancel()
+        await asyncio.wait({serving})
+        wire.unplug()
+
+    asyncio.run(main())
 
 
 # --- TLS
