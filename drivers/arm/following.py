@@ -52,6 +52,8 @@ class Follower:
             now_s = self._clock()
             self._require_leave(now_s)
             self._group.cycle(line, self._trajectory.at(now_s - self._start_s))
+            if now_s >= self._end_s:
+                self._group.end_stream(self._trajectory.goal_rad)
         except OSError:
             self.done.set_exception(
                 DeviceLost(DEVICE, "its port to be there", "it unplugged", "plug it in again; the servos hold")

@@ -146,6 +146,11 @@ class PacketReader:
     def __init__(self) -> None:
         self._held = bytearray()
 
+    @property
+    def held_bytes(self) -> int:
+        """Of a packet that is not complete."""
+        return len(self._held)
+
     def feed(self, data: bytes) -> list[Packet | Broken | Noise]:
         """What is complete with ``data``."""
         self._held += data

@@ -25,9 +25,7 @@ class ServoWatch:
     ``silent`` counts the reads in a row that nobody answered.
     """
 
-    def __init__(
-        self, roster: ServoRoster, watchdog_s: float, rest_profile: bytes, clock: Callable[[], float]
-    ) -> None:
+    def __init__(self, roster: ServoRoster, watchdog_s: float, rest_profile: bytes, clock: Callable[[], float]) -> None:
         self.armed = False
         self.silent = 0
         self._roster, self._rest_profile, self._clock = roster, rest_profile, clock
