@@ -8,13 +8,24 @@ from collections import deque
 from collections.abc import Callable
 from concurrent.futures import Future
 from dataclasses import dataclass
-from typing import Any, TypeVar
+from typing import Any, Generic, Protocol, TypeVar
 
-from drivers.camera.pictures import Bytes
-from drivers.camera.video import Video
 from drivers.errors import DeviceError, DeviceFault, DeviceLost, DeviceMissing
 
 T = TypeVar("T")
+D = TypeVar("D", covariant=True)
+
+
+class Source(Protocol[D]):
+    """An open device. ``next_frame`` blocks; it raises ``DeviceLost`` or ``DeviceTimeout`` when none comes."""
+
+    def next_frame(self) -> D: ...
+
+    def close(self) -> None: ...
+
+
+F = TypeVar("F")
+S = TypeVar("S", bound=Source[Any])
 
 FIRST_RETRY_S = 0.2
 LONGEST_RETRY_S = 5.0
@@ -22,11 +33,11 @@ JOIN_S = 2.5
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Grab:
-    """A frame's bytes; ``grab_s`` is when they were there, in loop time."""
+class Grab(Generic[F]):
+    """A frame; ``grab_s`` is when it was there, in loop time."""
 
     grab_s: float
-    data: Bytes
+    data: F
 
 
 @dataclass(slots=True)
@@ -38,23 +49,26 @@ class GrabberStatistics:
     losses: int = 0
 
 
-class Grabber:
-    """``open_video`` opens the device; ``on_grab`` gets every frame and ``on_trouble`` why there is none.
+class Grabber(Generic[S, F]):
+    """``open_source`` opens the device, ``read`` is its ``next_frame``.
 
-    All three are called in the owner thread; the last frame's bytes are for the callee to keep or to forget.
+    ``on_grab`` gets every frame and ``on_trouble`` why there is none.
+
+    All are called in the owner thread; the last frame's bytes are for the callee to keep or to forget.
     """
 
     def __init__(
         self,
-        open_video: Callable[[], Video],
+        open_source: Callable[[], S],
+        read: Callable[[S], F],
         clock: Callable[[], float],
-        on_grab: Callable[[Grab], None],
+        on_grab: Callable[[Grab[F]], None],
         on_trouble: Callable[[DeviceError], None],
     ) -> None:
         self.statistics = GrabberStatistics()
-        self._open_video, self._clock = open_video, clock
+        self._open_source, self._read, self._clock = open_source, read, clock
         self._on_grab, self._on_trouble = on_grab, on_trouble
-        self._jobs: deque[tuple[Callable[[Video], Any], Future[Any]]] = deque()
+        self._jobs: deque[tuple[Callable[[S], Any], Future[Any]]] = deque()
         self._closing = threading.Event()
         self._thread = threading.Thread(target=self._own, name="camera", daemon=True)
 
@@ -66,7 +80,7 @@ class Grabber:
         self._closing.set()
         await asyncio.shield(asyncio.get_running_loop().run_in_executor(None, self._thread.join, patience_s))
 
-    def post(self, job: Callable[[Video], T]) -> Future[T]:
+    def post(self, job: Callable[[S], T]) -> Future[T]:
         """Run a job between two frames; it fails with ``DeviceLost`` when the device goes before its turn."""
         future: Future[T] = Future()
         self._jobs.append((job, future))
@@ -76,7 +90,7 @@ class Grabber:
         retry_s = FIRST_RETRY_S
         while not self._closing.is_set():
             try:
-                video = self._open_video()
+                source = self._open_source()
             except DeviceError as error:
                 self._fail(error)
                 self._closing.wait(retry_s)
@@ -85,31 +99,31 @@ class Grabber:
             self.statistics.openings += 1
             retry_s = FIRST_RETRY_S
             try:
-                self._grab_from(video)
+                self._grab_from(source)
             except DeviceError as error:
                 self._fail(error)
             except Exception as error:  # noqa: BLE001 - a defect must reach the caller, not end the thread unseen
                 self._fail(DeviceFault("camera", "a frame", f"{type(error).__name__}: {error}", "report this defect"))
             finally:
-                video.close()
+                source.close()
             self.statistics.losses += 1
             self._closing.wait(retry_s)
         self._drop_jobs(DeviceLost("camera", "an open connection", "a closed one", "open the device first"))
 
-    def _grab_from(self, video: Video) -> None:
+    def _grab_from(self, source: S) -> None:
         while not self._closing.is_set():
             while self._jobs:
-                self._run(video)
-            data = video.next_frame()
+                self._run(source)
+            data = self._read(source)
             self.statistics.frames += 1
             self._on_grab(Grab(self._clock(), data))
 
-    def _run(self, video: Video) -> None:
+    def _run(self, source: S) -> None:
         job, future = self._jobs.popleft()
         if not future.set_running_or_notify_cancel():
             return
         try:
-            future.set_result(job(video))
+            future.set_result(job(source))
         except OSError as error:
             lost = DeviceLost("camera", "its controls to answer", error.strerror or str(error), "plug it in again")
             future.set_exception(lost)

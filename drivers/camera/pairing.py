@@ -6,6 +6,7 @@ from collections import deque
 from dataclasses import dataclass
 
 from drivers.camera.grabber import Grab
+from drivers.camera.pictures import Bytes
 
 _KEPT = 4
 _REMEMBERED = 60
@@ -17,8 +18,8 @@ DROPPED_SHARE_LIMIT = 0.10  # more dropped frames than that are a fault
 class GrabPair:
     """Two frames of one moment; of a side-by-side camera ``right`` is None and ``left`` holds both views."""
 
-    left: Grab
-    right: Grab | None = None
+    left: Grab[Bytes]
+    right: Grab[Bytes] | None = None
 
     @property
     def grab_s(self) -> float:
@@ -31,12 +32,12 @@ class Pairing:
 
     def __init__(self, apart_s: float) -> None:
         self._apart_s = apart_s
-        self._waiting: tuple[deque[Grab], deque[Grab]] = (deque(), deque())
+        self._waiting: tuple[deque[Grab[Bytes]], deque[Grab[Bytes]]] = (deque(), deque())
         self._fates: deque[bool] = deque(maxlen=_REMEMBERED)
         self.dropped = 0
         self.nearest_miss_s = float("inf")
 
-    def add(self, side: int, grab: Grab) -> GrabPair | None:
+    def add(self, side: int, grab: Grab[Bytes]) -> GrabPair | None:
         """Frame of the left (0) or right (1) camera; the pair that it completes."""
         own, other = self._waiting[side], self._waiting[1 - side]
         partner = min(other, key=lambda kept: abs(kept.grab_s - grab.grab_s), default=None)
@@ -68,7 +69,7 @@ class Pairing:
         missed = self._fates.count(False)
         return len(self._fates) >= _JUDGED_FROM and missed > DROPPED_SHARE_LIMIT * len(self._fates)
 
-    def _drop(self, kept: deque[Grab]) -> None:
+    def _drop(self, kept: deque[Grab[Bytes]]) -> None:
         kept.popleft()
         self._fates.append(False)
         self.dropped += 1

@@ -16,7 +16,7 @@ import numpy as np
 from drivers.camera.controls import Control, Controls, Limits, apply
 from drivers.camera.grabber import JOIN_S, Grab, Grabber, as_lost
 from drivers.camera.pairing import GrabPair, Pairing
-from drivers.camera.pictures import GarbledError, picture_of
+from drivers.camera.pictures import Bytes, GarbledError, picture_of
 from drivers.camera.stereo_usb_settings import StereoUsbSettings
 from drivers.camera.values import Image, StereoFrame
 from drivers.camera.video import Video, VideoSettings
@@ -47,7 +47,7 @@ class StereoUsb:
         self.statistics = CameraStatistics()
         self.pairing = Pairing(settings.pair_apart_s)
         self._clock = clock
-        self._grabbers: tuple[Grabber, ...] = ()
+        self._grabbers: tuple[Grabber[Video, Bytes], ...] = ()
         self._mutex = threading.Lock()
         self._room = WaitingRoom()
         self._asked = settings.exposure_s, settings.gain
@@ -65,7 +65,9 @@ class StereoUsb:
         self._limits = {}
         self.pairing.forget()
         self._grabbers = tuple(
-            Grabber(partial(self._open_video, place), self._clock, partial(self._take, side), self._suffer)
+            Grabber(
+                partial(self._open_video, place), Video.next_frame, self._clock, partial(self._take, side), self._suffer
+            )
             for side, place in enumerate(self.settings.places)
         )
         waiting = self._room.enter(-np.inf, 0)
@@ -221,7 +223,7 @@ class StereoUsb:
         settings = self.settings
         self._valid_from = self.statistics.pairs + 1 + settings.in_flight_frames + settings.settle_frames
 
-    def _take(self, side: int, grab: Grab) -> None:
+    def _take(self, side: int, grab: Grab[Bytes]) -> None:
         with self._mutex:
             pair = GrabPair(grab) if len(self.settings.places) == 1 else self.pairing.add(side, grab)
             if pair is None:
