@@ -1,6 +1,6 @@
 """The GSM modem."""
 
 from drivers.modem.interface import Modem
-from drivers.modem.values import ModemStatus, Sms
+from drivers.modem.values import DeliveryReport, ModemStatus, RejectedText, Sms
 
-__all__ = ["Modem", "ModemStatus", "Sms"]
+__all__ = ["DeliveryReport", "Modem", "ModemStatus", "RejectedText", "Sms"]

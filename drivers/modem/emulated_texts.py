@@ -144,7 +144,7 @@ def _list(radio: Sender, form: str) -> Reply:
     lines: list[str] = []
     for slot, entry in sorted(radio.store(0).slots.items()):
         if wanted in (4, entry.state):
-            lines += _shown(radio.state, entry, f"+CMGL: {slot},")
+            lines.append("\r\n".join(_shown(radio.state, entry, f"+CMGL: {slot},")))
             entry.state = RECEIVED_READ if entry.state == RECEIVED_UNREAD else entry.state
     return Reply(lines)
 
@@ -158,7 +158,7 @@ def _read(radio: Sender, form: str) -> Reply:
     entry = store.slots.get(slot)
     if entry is None:
         return Reply()
-    lines = _shown(radio.state, entry, "+CMGR: ")
+    lines = ["\r\n".join(_shown(radio.state, entry, "+CMGR: "))]
     entry.state = RECEIVED_READ if entry.state == RECEIVED_UNREAD else entry.state
     return Reply(lines)
 
@@ -231,6 +231,7 @@ def _from_text(state: ModemState, number_told: str, body: str) -> Submit:
 
 
 def _shown(state: ModemState, entry: StoredPdu, head: str) -> list[str]:
+    """The head and the body under it."""
     if state.format == 0:
         return [f"{head}{entry.state},,{entry.octets}", entry.pdu]
     name = next(name for name, value in STATES.items() if value == entry.state)

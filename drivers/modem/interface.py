@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Protocol
 
-from drivers.modem.values import ModemStatus, Sms
+from drivers.modem.values import DeliveryReport, ModemStatus, RejectedText, Sms
 
 
 class Modem(Protocol):
@@ -22,4 +22,12 @@ class Modem(Protocol):
 
     async def receive(self) -> tuple[Sms, ...]:
         """Texts that came since the last call, oldest first, taken off the modem's store; () when there are none."""
+        ...
+
+    def reports(self) -> tuple[DeliveryReport, ...]:
+        """What became of sent texts, since the last call; () from a back end that is not told to ask the network."""
+        ...
+
+    def rejected(self) -> tuple[RejectedText, ...]:
+        """What came in since the last call and is no text: broken, for machines, too long, or never whole."""
         ...

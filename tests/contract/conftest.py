@@ -6,6 +6,7 @@ import asyncio
 from collections.abc import Awaitable, Callable
 from contextlib import suppress
 from dataclasses import dataclass
+from functools import partial
 from typing import Any, Generic, Protocol, TypeVar
 
 import pytest
@@ -121,7 +122,9 @@ ARMS: dict[str, Bench[Arm]] = {"mock": Virtual(MockArm), "dynamixel": OnTheWire(
 RELAYS: dict[str, Bench[RelayBoard]] = {"mock": Virtual(MockRelay), "modbus": OnTheWire(emulated_relay)}
 INPUTS: dict[str, Bench[Inputs]] = {"mock": Virtual(MockInputs), "modbus": OnTheWire(emulated_inputs)}
 RECEIVERS: dict[str, Bench[Gps]] = {"mock": Virtual(MockGps), "nmea": OnTheWire(emulated_gps)}
-MODEMS: dict[str, Bench[Modem]] = {"mock": Virtual(MockModem), "gsm": OnTheWire(emulated_modem)}
+MODEMS: dict[str, Bench[Modem]] = {
+    "mock": Virtual(partial(MockModem, delivery_reports=True)), "gsm": OnTheWire(emulated_modem)
+}  # fmt: skip
 DRIVES: dict[str, Bench[Wheels]] = {"mock": Virtual(MockWheels), "zlac8015d": OnTheWire(emulated_wheels)}
 
 

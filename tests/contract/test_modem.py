@@ -49,6 +49,33 @@ def test_a_sent_text_is_in_the_network_when_send_returns(modem: Bench[Modem]) ->
     modem.run(test)
 
 
+@pytest.mark.parametrize("text", ["hello", "ж" * 100], ids=["short", "long"])
+def test_a_text_that_has_arrived_is_reported_once(modem: Bench[Modem], text: str) -> None:
+    async def test(device: Modem, twin: Twin) -> None:
+        await device.send(WORKER, text)
+        assert device.reports() == ()
+        await asyncio.sleep(10.0)
+        (report,) = device.reports()
+        assert (report.number, report.text, report.delivered) == (WORKER, text, True)
+        assert report.stamp_s <= now()
+        assert device.reports() == ()
+        assert device.rejected() == ()
+
+    modem.run(test)
+
+
+@pytest.mark.parametrize("text", ["Grüße 😀, [3/4] fertig €", "row 3 done; " * 60, "ж" * 300], ids=["odd", "long", "ucs2"])
+def test_any_text_goes_out_and_comes_in_whole(modem: Bench[Modem], text: str) -> None:
+    async def test(device: Modem, twin: Twin) -> None:
+        twin.apply(now(), c.WorldText(WORKER, text))
+        await device.send(WORKER, text)
+        assert [sent.text for sent in twin.outbox] == [text]
+        await asyncio.sleep(10.0)
+        assert [sms.text for sms in await device.receive()] == [text]
+
+    modem.run(test)
+
+
 def test_a_text_that_the_network_does_not_take_is_a_fault(modem: Bench[Modem]) -> None:
     async def test(device: Modem, twin: Twin) -> None:
         twin.apply(now(), c.WorldNetwork(registered=False))

@@ -16,11 +16,12 @@ from drivers.twin import Twin
 from tests.contract.rigged import Rigged
 
 BAUD = 115_200
-SETTINGS = GsmSettings(answer_timeout_s=2.0)
+SENDING_S = 0.5  # of real time, in which nothing leaps
+SETTINGS = GsmSettings(answer_timeout_s=2.0, delivery_reports=True)
 
 
 def emulated_modem(twin: Twin, clock: Callable[[], float]) -> Rigged[GsmModem]:
-    emulator = ModemEmulator(twin, clock)
+    emulator = ModemEmulator(twin, clock, sending_s=SENDING_S)
     wire = PtyWire(BAUD, emulator.receive)
     emulator.connect(BadLine("modem", twin, clock, wire.send, wire.byte_s))
     wire.plug()

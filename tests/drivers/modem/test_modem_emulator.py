@@ -158,7 +158,7 @@ def test_a_text_comes_with_its_notice_and_lies_in_a_slot() -> None:
         assert await host.hears(5.0) == '\r\n+CMTI: "SM",1\r\n'
         told = (await host.says("AT+CMGR=1")).split("\r\n")
         assert told[1].startswith("+CMGR: 0,,")
-        deliver = decode_deliver(told[3])
+        deliver = decode_deliver(told[2])
         assert (deliver.sender, deliver.text) == (WORKER, "STOP")
         assert "+CMGL: 1,1,," in await host.says("AT+CMGL=4")
         assert await host.says("AT+CMGD=1") == OK
