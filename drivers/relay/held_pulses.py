@@ -27,6 +27,7 @@ class _Held:
     number: int
     end_s: float
     lapses_s: float = math.inf  # when the board's own timer opens the coil
+    watchdog_s: float | None = None  # of a board without timers
     timers: list[Timer] = field(default_factory=list)
     error: DeviceError | None = None
 
@@ -46,6 +47,7 @@ class HeldPulses:
         self._on: set[int] = set()
         self._beat: Timer | None = None
         self._alive_s = 0.0  # when the board was last known to hear
+        self._abandoned: dict[int, DeviceError] = {}
 
     def lease(self, number: int, quantum_s: float, lease_quanta: int, sent_s: float, end_s: float) -> None:
         """A first pulse of ``lease_quanta`` was sent at ``sent_s``; keep it up until ``end_s``."""
@@ -56,7 +58,7 @@ class HeldPulses:
 
     def watched(self, number: int, end_s: float, watchdog_s: float) -> None:
         """The coil was switched on; switch it off at ``end_s`` and keep the watchdog quiet until then."""
-        held = _Held(number, end_s)
+        held = _Held(number, end_s, watchdog_s=watchdog_s)
         self._held[number] = held
         held.timers.append(self._bus.at(end_s, lambda line: self._end(held, line)))
         self._keep_alive(watchdog_s)
@@ -69,6 +71,7 @@ class HeldPulses:
     def drop(self, number: int) -> None:
         """The channel has got another command."""
         self._on.discard(number)
+        self._abandoned.pop(number, None)
         if (held := self._held.pop(number, None)) is not None:
             for timer in held.timers:
                 timer.cancelled = True
@@ -79,6 +82,11 @@ class HeldPulses:
     def drop_all(self) -> None:
         for number in (*self._held, *self._on):
             self.drop(number)
+
+    def require_no_vigil(self) -> None:
+        """Raises while a coil that would not go off is left to the watchdog, which only silence sets off."""
+        for error in self._abandoned.values():
+            raise error
 
     # --- leases
 
@@ -131,10 +139,20 @@ class HeldPulses:
             self._board(line).cancel(held.number)
         except DeviceError as error:
             self._tell(error)
-            if math.isinf(held.lapses_s):  # no timer of the board will do it
-                held.timers = [self._bus.at(self._clock() + AGAIN_S, lambda line: self._end(held, line))]
+            if held.watchdog_s is not None:  # no timer of the board will do it
+                self._end_later(held, held.watchdog_s, error)
                 return
         self.drop(held.number)
+
+    def _end_later(self, held: _Held, watchdog_s: float, error: DeviceError) -> None:
+        """Try again for as long as the watchdog would take, then leave the coil to it."""
+        if self._clock() < held.end_s + watchdog_s:
+            held.timers = [self._bus.at(self._clock() + AGAIN_S, lambda line: self._end(held, line))]
+            return
+        self._abandoned[held.number] = DeviceFault(
+            "relay", f"channel {held.number} to go off", error.found,
+            f"stay away: the board is kept in silence, in which its watchdog opens the coil after {watchdog_s:g} s",
+        )  # fmt: skip
 
     # --- the watchdog
 
@@ -150,8 +168,8 @@ class HeldPulses:
         began_s = self._clock()
         silent_s = began_s - self._alive_s
         pause_s, found = watchdog_s / BEATS, "silence for longer"
-        if any(held.end_s + watchdog_s < began_s for held in self._held.values()):
-            self._beat = None  # a coil that cannot be switched off is left to the watchdog
+        if self._abandoned:
+            self._beat = None
             return
         try:
             self._board(line).read()

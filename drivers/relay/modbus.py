@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import asyncio
 import math
 from collections.abc import Callable, Mapping
+from concurrent.futures import Future
 from dataclasses import dataclass
+from typing import TypeVar
 
 from drivers.errors import DeviceError, DeviceFault, DeviceLost, DeviceMissing, DeviceRefused, DeviceTimeout
 from drivers.modbus_master import TIMEOUT_S, ModbusLine, ModbusMaster, ModbusRefusal
@@ -13,6 +16,8 @@ from drivers.relay.board import Board
 from drivers.relay.held_pulses import HeldPulses
 from drivers.relay.profiles import profile_named
 from drivers.relay.values import BoardCapability, Channel, PulseReceipt, RelayState, refusal_for_automatic
+
+T = TypeVar("T")
 
 HOST_QUANTUM_S = 0.001
 
@@ -76,6 +81,7 @@ class ModbusRelay:
         self._greeted: ModbusLine | None = None
         self._is_open = False
         self._trouble: DeviceError | None = None
+        self._shuts = 0  # how often something was to be shut
         first = [channel for channel in _FIRST_OFF if channel in settings.channels]
         self._numbers = {channel: settings.channels[channel] for channel in (*first, *sorted(settings.channels))}
 
@@ -126,7 +132,7 @@ class ModbusRelay:
             board.on(number)
 
         self._raise_trouble()
-        await self._bus.run(job)
+        await self._open_unless_shut(job)
 
     async def pulse(self, channel: Channel, duration_s: float) -> PulseReceipt:
         number = self._wired(channel)
@@ -144,26 +150,23 @@ class ModbusRelay:
         quanta = math.ceil(duration_s / capability.pulse_quantum_s - 1e-9)
         self._raise_trouble()
         start = self._start_watched if capability.host_timed else self._start_timed
-        sent_s, accepted_s = await self._bus.run(lambda line: start(line, number, quanta))
+        sent_s, accepted_s = await self._open_unless_shut(lambda line: start(line, number, quanta))
         return PulseReceipt(channel, sent_s, accepted_s, quanta * capability.pulse_quantum_s)
 
     async def cancel(self, channel: Channel) -> None:
         number = self._wired(channel)
-
-        def job(line: ModbusLine) -> None:
-            self._held.drop(number)
-            self._greeted_board(line).cancel(number)
-
-        await self._bus.stop(job)
+        self._shuts += 1
+        await self._bus.stop(lambda line: self._shut(line, number))
 
     async def all_off(self) -> None:
         self._require_open()
+        self._shuts += 1
+        await self._bus.stop(self._shut_all)
 
-        def job(line: ModbusLine) -> None:
-            self._held.drop_all()
-            self._greeted_board(line).all_off(tuple(self._numbers.values()))
-
-        await self._bus.stop(job)
+    def post_all_off(self) -> Future[None]:
+        """Like ``all_off``, from any thread and without waiting."""
+        self._shuts += 1
+        return self._bus.post_stop(self._shut_all)
 
     async def read(self) -> RelayState:
         self._require_open()
@@ -177,10 +180,56 @@ class ModbusRelay:
                 continue
         return await self._bus.run(self._read_once)
 
+    async def _open_unless_shut(self, job: Callable[[ModbusLine], T]) -> T:
+        """Run a job that opens; it does nothing when its caller is gone, or something was shut since, by its turn."""
+        shuts = self._shuts
+        wanted = True
+
+        def opening(line: ModbusLine) -> T:
+            if not wanted or shuts != self._shuts:
+                raise DeviceRefused(
+                    "relay",
+                    "an opening that is still wanted",
+                    "a stop since it was asked for",
+                    "ask again after the stop",
+                )
+            return job(line)
+
+        try:
+            return await self._bus.run(opening)
+        except asyncio.CancelledError:
+            wanted = False
+            raise
+
     # --- in the owner's thread
+
+    def _shut(self, line: ModbusLine, number: int) -> None:
+        self._held.drop(number)
+        board = self._greeted_board(line)
+        try:
+            board.cancel(number)
+        except DeviceError:
+            self._shut_later((number,))
+            raise
+
+    def _shut_all(self, line: ModbusLine) -> None:
+        self._held.drop_all()
+        board = self._greeted_board(line)
+        try:
+            board.all_off(tuple(self._numbers.values()))
+        except DeviceError:
+            self._shut_later(tuple(self._numbers.values()))
+            raise
+
+    def _shut_later(self, numbers: tuple[int, ...]) -> None:
+        """A board that times nothing by itself is told to shut again and again, or left to its watchdog."""
+        if self._watchdog_s is not None:
+            for number in numbers:
+                self._held.watched(number, self._clock(), self._watchdog_s)
 
     def _read_once(self, line: ModbusLine) -> RelayState:
         board = self._greeted_board(line)
+        self._held.require_no_vigil()
         stamp_s = self._clock()
         contacts = board.read()
         return RelayState(stamp_s, {channel: contacts[number - 1] for channel, number in self._numbers.items()})

@@ -4,10 +4,13 @@ from __future__ import annotations
 
 import asyncio
 import threading
+from contextlib import suppress
 
 import pytest
 
+from drivers.emulation.modbus_slave import DEVICE_FAILURE, ModbusException
 from drivers.errors import DeviceFault, DeviceTimeout
+from drivers.relay.emulator import WirenboardBoard
 from drivers.relay.values import Channel
 from tests.drivers.relay.boards import Bench, on_board, until
 
@@ -137,6 +140,46 @@ def test_a_coil_that_may_be_on_after_a_lost_answer_is_switched_off_by_the_host()
         assert not bench.on()
 
     on_board("wb-mr6", test, "relay:garbage@1s+2s", watchdog_s=10.0)
+
+
+def test_a_coil_that_will_not_go_off_is_left_to_the_watchdog_in_silence() -> None:
+    class Defective(WirenboardBoard):
+        def write_coil(self, address: int, value: int) -> None:
+            if value == 0:
+                raise ModbusException(DEVICE_FAILURE)
+            super().write_coil(address, value)
+
+    async def test(bench: Bench) -> None:
+        await bench.relay.pulse(Channel.VALVE, 0.5)
+        bench.bus.board.__class__ = Defective
+        reading = 0
+        for _ in range(40):  # whoever polls meanwhile is kept from feeding the watchdog
+            with suppress(DeviceFault):
+                await bench.relay.read()
+                reading += 1
+            await asyncio.sleep(0.1)
+        assert reading
+        assert not bench.on()
+        with pytest.raises(DeviceFault, match=r"channel 1 to go off.*device failure.*silence"):
+            await bench.relay.read()
+        bench.bus.board.__class__ = WirenboardBoard
+        await bench.relay.cancel(Channel.VALVE)
+        assert not (await bench.relay.read()).coils[Channel.VALVE]
+
+    on_board("wb-mr6", test, watchdog_s=1.0)
+
+
+def test_a_stop_that_is_not_answered_is_given_again_to_a_board_without_timers() -> None:
+    async def test(bench: Bench) -> None:
+        await bench.relay.pulse(Channel.VALVE, 10.0)
+        await asyncio.sleep(1.05 - bench.clock())
+        with pytest.raises(DeviceTimeout):
+            await bench.relay.cancel(Channel.VALVE)
+        assert bench.on()
+        await until(lambda: not bench.on(), 3.0)
+        assert bench.bus.board.outputs.contacts()[0] is False
+
+    on_board("wb-mr6", test, "relay:off@1s+0.7s", watchdog_s=10.0)
 
 
 def test_a_board_that_cannot_be_switched_off_is_left_to_its_watchdog() -> None:

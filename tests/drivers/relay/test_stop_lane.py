@@ -8,7 +8,7 @@ from collections.abc import Awaitable, Callable
 
 import pytest
 
-from drivers.errors import DeviceTimeout
+from drivers.errors import DeviceLost, DeviceRefused, DeviceTimeout
 from drivers.modbus_frames import with_crc
 from drivers.relay.modbus import ModbusRelay
 from drivers.relay.values import Channel
@@ -58,11 +58,51 @@ def test_a_pulse_waits_its_turn() -> None:
     on_board("waveshare-8", test)
 
 
-def test_a_stop_may_be_posted_from_another_thread() -> None:
+@pytest.mark.parametrize("name", SHUTS)
+def test_a_pulse_that_waits_does_not_open_what_a_stop_before_it_shut(name: str) -> None:
+    async def test(bench: Bench) -> None:
+        gate = threading.Event()
+        blocking = asyncio.ensure_future(bench.master.run(lambda line: gate.wait(5.0)))
+        await asyncio.sleep(0.02)
+        pulse = asyncio.ensure_future(bench.relay.pulse(Channel.VALVE, 0.2))
+        lamp = asyncio.ensure_future(bench.relay.switch(Channel.LAMP, True))
+        await asyncio.sleep(0.02)
+        shutting = asyncio.ensure_future(SHUTS[name](bench.relay))
+        await asyncio.sleep(0.02)
+        gate.set()
+        for opening in (pulse, lamp):
+            with pytest.raises((DeviceRefused, DeviceLost)):
+                await opening
+        await asyncio.gather(blocking, shutting)
+        assert not any(frame[1:3] == b"\x05\x02" or frame[4:6] == b"\xff\x00" for frame in bench.trace.writes())
+
+    on_board("waveshare-8", test)
+
+
+def test_a_pulse_that_waits_and_whose_caller_is_gone_does_not_open() -> None:
+    async def test(bench: Bench) -> None:
+        gate = threading.Event()
+        blocking = asyncio.ensure_future(bench.master.run(lambda line: gate.wait(5.0)))
+        await asyncio.sleep(0.02)
+        pulse = asyncio.ensure_future(bench.relay.pulse(Channel.VALVE, 0.2))
+        await asyncio.sleep(0.02)
+        pulse.cancel()
+        await asyncio.sleep(0.02)
+        gate.set()
+        await blocking
+        await bench.relay.read()
+        assert not any(frame[1:3] == b"\x05\x02" for frame in bench.trace.writes())
+
+    on_board("waveshare-8", test)
+
+
+def test_everything_may_be_switched_off_from_another_thread() -> None:
     async def test(bench: Bench) -> None:
         await bench.relay.pulse(Channel.VALVE, 5.0)
-        posted = bench.master.post_stop(lambda line: line.unit("relay", 1).write_coil(0, 0x0000))
+        posted = await asyncio.to_thread(bench.relay.post_all_off)
         await asyncio.wrap_future(posted)
+        assert not bench.on()
+        await asyncio.sleep(0.3)
         assert not bench.on()
 
     on_board("waveshare-8", test)
