@@ -185,8 +185,10 @@ def test_a_channel_that_is_not_wired_is_refused(relay: Bench[RelayBoard]) -> Non
 def test_a_cancelled_caller_leaves_the_pulse_to_the_boards_timer(relay: Bench[RelayBoard]) -> None:
     async def test(board: RelayBoard, twin: Twin) -> None:
         pulsing = asyncio.ensure_future(board.pulse(Channel.VALVE, 1.0))
-        while not on(twin, Channel.VALVE):
+        for _ in range(10_000):
             await asyncio.sleep(0.0005)
+            if on(twin, Channel.VALVE):
+                break
         pulsing.cancel()
         await asyncio.wait([pulsing])
         await asyncio.sleep(0.1)
