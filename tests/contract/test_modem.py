@@ -64,7 +64,9 @@ def test_a_text_that_has_arrived_is_reported_once(modem: Bench[Modem], text: str
     modem.run(test)
 
 
-@pytest.mark.parametrize("text", ["Grüße 😀, [3/4] fertig €", "row 3 done; " * 60, "ж" * 300], ids=["odd", "long", "ucs2"])
+@pytest.mark.parametrize(
+    "text", ["Grüße 😀, [3/4] fertig €", "row 3 done; " * 60, "ж" * 300], ids=["odd", "long", "ucs2"]
+)
 def test_any_text_goes_out_and_comes_in_whole(modem: Bench[Modem], text: str) -> None:
     async def test(device: Modem, twin: Twin) -> None:
         twin.apply(now(), c.WorldText(WORKER, text))
