@@ -6,6 +6,7 @@ import asyncio
 import json
 import os
 import sys
+from contextlib import suppress
 from pathlib import Path
 from typing import Annotated
 
@@ -25,6 +26,7 @@ from robot.runtime.signals import StopSignals
 
 RUN_ON_S = 8.0  # after the robot's process died: longer than any pulse and any braking
 LOOKS_AFTER_PARENT_S = 0.2
+PRIORITY = -10
 
 
 def emulate(
@@ -65,6 +67,8 @@ async def _serve(
     parent = os.getppid()
     async with emulated_rover(config, path, devices, plan, links, truth) as ports:
         keep_time()
+        with suppress(PermissionError):  # a machine does not wait for the computer: this thread goes first, if it may
+            os.setpriority(os.PRIO_PROCESS, 0, PRIORITY)
         _print(ports, as_json)
         waiting = asyncio.ensure_future(signals.wait())
         while not waiting.done():

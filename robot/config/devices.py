@@ -221,7 +221,9 @@ class NtripSection(Section):
     user: str = ""
     password: SecretStr = SecretStr("")
     tls: bool = False
-    gga_every_s: Annotated[float, between(1.0, 600.0)] = 10.0
+    tls_ca_file: Place | None = None
+    gga_every_s: Annotated[float, between(0.0, 600.0)] = 10.0
+    timeout_s: Annotated[float, between(1.0, 120.0)] = 15.0
 
 
 class NmeaGpsSection(Section):

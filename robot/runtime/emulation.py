@@ -176,7 +176,7 @@ class EmulatedRover:
         section = self._config.gps
         if not isinstance(section, NmeaGpsSection):
             raise _no_emulator("gps", section.backend)
-        receiver = EmulatedReceiver(needs_corrections=section.ntrip is not None)
+        receiver = EmulatedReceiver(needs_corrections=section.ntrip is not None, baud=section.baud)
         emulator = GpsEmulator(self._twin, self._clock, receiver)
         wire = self._wire("gps", section.baud, emulator.receive)
         emulator.connect(self._line("gps", wire))

@@ -10,13 +10,13 @@ from dataclasses import dataclass, field
 from datetime import UTC, datetime
 from pathlib import Path
 
-from drivers.errors import DeviceError
+from drivers.errors import DeviceBusy, DeviceError
 from drivers.twin.machine import Twin
 from robot import safety
 from robot.actuation import Actuation
 from robot.clock import keep_time
 from robot.config import Config
-from robot.errors import ConfigError, FileError, UnavailableError, UsageError
+from robot.errors import BusyError, ConfigError, FileError, UnavailableError, UsageError
 from robot.events import Bus
 from robot.geometry import Pose2
 from robot.ledger import Ledger
@@ -137,6 +137,8 @@ async def run_robot(
             )
         try:
             await devices.open(stack, lambda text: bus.publish(Trouble(text, loop.time())))
+        except DeviceBusy as error:
+            raise BusyError(str(error)) from error
         except DeviceError as error:
             raise UnavailableError(str(error)) from error
         if options.start:

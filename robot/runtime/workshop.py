@@ -139,7 +139,9 @@ class Workshop:
                         user=section.ntrip.user,
                         password=section.ntrip.password.get_secret_value(),
                         tls=section.ntrip.tls,
+                        tls_ca_file=Path(section.ntrip.tls_ca_file) if section.ntrip.tls_ca_file else None,
                         gga_every_s=section.ntrip.gga_every_s,
+                        timeout_s=section.ntrip.timeout_s,
                     )
                 return CorrectedGps(receiver, ntrip, self._clock)
             case _ as never:
