@@ -9,6 +9,7 @@ from datetime import UTC, datetime, timedelta, timezone
 
 from drivers.modem.concatenation import Joiner, split
 from drivers.modem.pdu import Deliver, StatusReport, Submit, encode_deliver, encode_status_report
+from drivers.modem.pdu_fields import encode_address
 from drivers.modem.user_data import Part, joined_text
 from drivers.twin.commands import ModemSend, ModemTake
 from drivers.twin.machine import Twin
@@ -70,7 +71,7 @@ class EmulatedPost:
         stamp = sent_utc.astimezone(self._zone)
         return [
             Deliver(
-                sender, piece, stamp, alphabet,
+                _presented(sender), piece, stamp, alphabet,
                 Part(self._reference, len(pieces), place) if len(pieces) > 1 else None, self._smsc,
             )
             for place, piece in enumerate(pieces, start=1)
@@ -104,3 +105,12 @@ class EmulatedPost:
                 StatusReport(reference, submit.number, DELIVERED, sent, done, self._smsc)
             )
             self.reports.append(DueReport(now_s + DELIVERY_S, pdu, octets))
+
+
+def _presented(sender: str) -> str:
+    """The sender as a network shows him: what is neither a number nor a short name is withheld."""
+    try:
+        encode_address(sender)
+    except ValueError:
+        return "unknown"
+    return sender

@@ -75,7 +75,7 @@ class GsmDialogue:
         if self._within(SET_UP_S) < SET_UP_S:
             return None
         self._ask("AT+CMGF=0")
-        for detail in ("AT+CREG=1", "AT+COPS=3,0"):
+        for detail in ("AT+CREG=1", 'AT+CSCS="GSM"', "AT+COPS=3,0"):
             self._obeys(detail)
         store = self._settings.storage
         try:

@@ -333,3 +333,13 @@ def test_no_bytes_bring_it_down(pieces: list[bytes]) -> None:
         assert OK in await host.says("AT", 5.0)
 
     with_host(test)
+
+
+@pytest.mark.parametrize("sender", ["", "Vodafone", "a name that is far too long", "имя", "1" * 30])
+def test_any_sender_comes_through_in_some_way(sender: str) -> None:
+    async def test(host: Host) -> None:
+        host.twin.apply(host.clock(), c.WorldText(sender, "hello \ud83d " + "x" * 20_000))
+        await asyncio.sleep(5.0)
+        assert "+CMGL: 30," in await host.says("AT+CMGL=4")
+
+    with_host(test)
