@@ -8,6 +8,8 @@ from robot.errors import ConfigError, UsageError
 from robot.ledger import Ledger
 from robot.ledger.values import Task
 
+BY_HAND = "by hand"  # the route of tasks that no row belongs to
+
 
 def check_resumable(ledger: Path) -> None:
     """``UsageError`` where there is no ledger yet, before one is made."""
@@ -16,10 +18,11 @@ def check_resumable(ledger: Path) -> None:
 
 
 def task_to_resume(ledger: Ledger, task: Task) -> int:
-    """The newest task. ``UsageError`` when there is none, ``ConfigError`` when it was begun with other values."""
-    task_id = ledger.latest_task()
-    if task_id is None:
+    """The newest task of a row. ``UsageError`` without one, ``ConfigError`` when it was begun with other values."""
+    rows = [row.task_id for row in ledger.tasks() if ledger.task(row.task_id).route != BY_HAND]
+    if not rows:
         raise UsageError(f"{ledger.path}: holds no task to resume; start without --resume")
+    task_id = rows[-1]
     before = ledger.task(task_id)
     if before.config_hash != task.config_hash:
         raise ConfigError(
@@ -27,6 +30,12 @@ def task_to_resume(ledger: Ledger, task: Task) -> int:
             f"({before.config_hash}, now {task.config_hash}); restore it, or start without --resume"
         )
     return task_id
+
+
+def taken_by_hand_ml(ledger: Ledger, task_id: int) -> float:
+    """What was sprayed by hand since the task began: it is gone from the tank."""
+    later = [row.task_id for row in ledger.tasks() if row.task_id > task_id]
+    return sum(ledger.totals(number).booked_ml for number in later if ledger.task(number).route == BY_HAND)
 
 
 def given_by_target_ml(ledger: Ledger, task_id: int) -> dict[int, float]:

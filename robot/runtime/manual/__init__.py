@@ -1,6 +1,6 @@
 """The machine in an operator's hands: a session in mode MANUAL, and what can be done in it."""
 
 from robot.runtime.manual.building import ManualOptions
-from robot.runtime.manual.session import BY_HAND, ByHand, Stopped, manual
+from robot.runtime.manual.session import ByHand, Stopped, manual
 
-__all__ = ["BY_HAND", "ByHand", "ManualOptions", "Stopped", "manual"]
+__all__ = ["ByHand", "ManualOptions", "Stopped", "manual"]

@@ -19,7 +19,8 @@ from robot.ledger.values import Outcome, Result
 from robot.mission.settings import DoseSettings
 from robot.mission.spray import full_pulse_ml
 from robot.runtime.manual.arm import nozzle_in_base, settle
-from robot.runtime.manual.session import BY_HAND, ByHand
+from robot.runtime.manual.session import ByHand
+from robot.runtime.resuming import BY_HAND
 from robot.safety.timing import MINUTE_S
 from robot.targets import Target, TargetState
 from robot.vision.values import Ripeness

@@ -20,11 +20,11 @@ from robot.mission import Localiser, MissionSettings
 from robot.navigation import FixRules
 from robot.runtime.lifecycle import ledger_path
 from robot.runtime.manual.building import ManualOptions, hand_devices, open_hands
+from robot.runtime.resuming import BY_HAND
 from robot.runtime.settings import limits, load_arm, load_row, mission_settings, task
 from robot.runtime.signals import StopSignals
 from robot.runtime.upkeep import Upkeep
 
-BY_HAND = "by hand"
 _LATCHED = (safety.Mode.SAFE_STOP, safety.Mode.ESTOP)
 _SIGNAL = "stopped by "
 
