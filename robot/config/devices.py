@@ -23,6 +23,7 @@ class _Camera(Section):
     exposure_s: Annotated[float, between(1e-5, 0.2)]
     gain: Annotated[float, between(1.0, 32.0)] = 1.0
     rate_hz: Annotated[float, between(0.1, 120.0)] = 15.0
+    white_balance_k: Annotated[int, Field(ge=2000, le=10_000)] | None = None
     lamp: Literal["off", "on"] = "off"
 
 
@@ -40,7 +41,6 @@ class StereoUsbCameraSection(_Camera):
     device: Place
     right_device: Place | None = None
     format: Literal["MJPG", "YUYV"] = "MJPG"
-    white_balance_k: Annotated[int, Field(ge=2000, le=10_000)] | None = None
     power_line_hz: Literal[0, 50, 60] = 50
     latency_s: Annotated[float, between(0.0, 1.0)] = 0.03
     frame_timeout_s: Annotated[float, between(0.1, 5.0)] = 0.5
@@ -138,6 +138,7 @@ class ModbusRelaySection(Section):
     port: Place
     baud: Baud = 9600
     parity: Parity = "N"
+    stop_bits: Literal[1, 2] = 1
     unit: UnitId = 1
     profile: str
     channels: RelayChannels
@@ -168,17 +169,27 @@ class InputModule(Section):
 
 
 class InputPoint(Section):
-    """Where a quantity is read: ``raw * scale + offset``; outside ``low`` to ``high`` it is not believed."""
+    """Where a quantity is read: ``raw * scale + offset``; outside ``low`` to ``high`` it is not believed.
+
+    ``kind`` "4-20ma" is a sensor on a module that gives microamperes: 20 mA are ``full``, and a broken wire is told.
+    """
 
     quantity: str
     unit: UnitId
-    area: Literal["coils", "contacts", "holding", "input"]
+    area: Literal["coils", "contacts", "holding", "input"] = "input"
     address: Annotated[int, Field(ge=0, le=0xFFFF)]
-    kind: Literal["contact", "u16", "i16", "u32", "u32_low_first", "f32", "f32_low_first", "counter"]
+    kind: Literal["contact", "4-20ma", "u16", "i16", "u32", "u32_low_first", "f32", "f32_low_first", "counter"]
+    full: Annotated[float, Field(gt=0.0, allow_inf_nan=False)] | None = None
     scale: float = 1.0
     offset: float = 0.0
     low: float = float("-inf")
     high: float = float("inf")
+
+    @model_validator(mode="after")
+    def _full_for_a_current(self) -> Self:
+        if (self.kind == "4-20ma") != (self.full is not None):
+            raise ValueError("'full' (what 20 mA mean) belongs to kind '4-20ma' and to no other; correct it")
+        return self
 
 
 class ModbusInputsSection(Section):
@@ -192,6 +203,7 @@ class ModbusInputsSection(Section):
     port: Place
     baud: Baud = 9600
     parity: Parity = "N"
+    stop_bits: Literal[1, 2] = 1
     modules: tuple[InputModule, ...] = ()
     points: tuple[InputPoint, ...] = ()
     pressure_full_bar: Annotated[float, between(1.0, 100.0)] = 10.0

@@ -4,9 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from contextlib import AsyncExitStack
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
+from drivers.camera.epipolar import StereoCalibration
+from drivers.camera.files import FilesCamera
+from drivers.camera.frame_checks import PictureFault
+from drivers.camera.frame_watch import ALL_FAULTS, FrameWatch
+from drivers.camera.watched import WatchedCamera
 from drivers.relay.values import BoardCapability, refusal_for_automatic
 from drivers.twin.machine import Twin
 from robot.aiming import ArmModel
@@ -16,6 +21,7 @@ from robot.errors import ConfigError, UnavailableError
 from robot.runtime.devices import Devices
 from robot.runtime.ports import Ports
 from robot.runtime.workshop import Workshop
+from robot.vision.stereo_rig import StereoRig
 
 
 @dataclass(frozen=True, slots=True)
@@ -31,6 +37,19 @@ def needs_twin(config: Config) -> bool:
     """Whether some back end is a mock, which lives on the simulated machine in this process."""
     sections = (config.camera, config.arm, config.relay, config.inputs, config.gps, config.modem, config.wheels)
     return any(section.backend == "mock" for section in sections)
+
+
+def watched(devices: Devices, rig: StereoRig, clock: Callable[[], float]) -> Devices:
+    """The same devices, with every picture looked at for faults of the camera before anybody gets it.
+
+    A recording may well repeat itself, so that a frozen one cannot be told.
+    """
+    calibration = StereoCalibration(
+        rig.image_size, rig.K_left, rig.dist_left, rig.K_right, rig.dist_right, rig.R, rig.t_m
+    )
+    recorded = isinstance(devices.camera, FilesCamera)
+    watch = FrameWatch(calibration, ALL_FAULTS - {PictureFault.FROZEN} if recorded else ALL_FAULTS)
+    return replace(devices, camera=WatchedCamera(devices.camera, watch, clock))
 
 
 def require_timed_pulses(capability: BoardCapability, longest_s: float) -> None:

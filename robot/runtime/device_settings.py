@@ -5,11 +5,11 @@ from __future__ import annotations
 from drivers.arm.control_tables import MODELS
 from drivers.arm.joints import JointSettings, ServoSettings
 from drivers.inputs.modbus import InputsSettings
-from drivers.inputs.points import Point
+from drivers.inputs.points import Point, current_loop
 from drivers.inputs.profiles import module_named, reference_modules, reference_points
 from drivers.modbus_pdu import READ_COILS, READ_DISCRETE_INPUTS, READ_HOLDING, READ_INPUT_REGISTERS
 from robot.aiming import ArmModel
-from robot.config.devices import DynamixelArmSection, JointServos, ModbusInputsSection
+from robot.config.devices import DynamixelArmSection, InputPoint, JointServos, ModbusInputsSection
 from robot.config.rooms import FluidSection
 from robot.errors import ConfigError
 
@@ -50,12 +50,16 @@ def inputs_settings(section: ModbusInputsSection, fluid: FluidSection) -> Inputs
         return InputsSettings(reference_modules(), points, section.timeout_s)
     return InputsSettings(
         tuple(module_named(module.kind, module.unit) for module in section.modules),
-        tuple(
-            Point(
-                point.quantity, point.unit, _AREAS[point.area], point.address, point.kind,
-                point.scale, point.offset, point.low, point.high,
-            )
-            for point in section.points
-        ),
+        tuple(_point(point) for point in section.points),
         section.timeout_s,
+    )
+
+
+def _point(point: InputPoint) -> Point:
+    if point.kind == "4-20ma":
+        assert point.full is not None  # the section has seen to it
+        return current_loop(point.quantity, point.unit, point.address, point.full)
+    return Point(
+        point.quantity, point.unit, _AREAS[point.area], point.address, point.kind,
+        point.scale, point.offset, point.low, point.high,
     )  # fmt: skip

@@ -22,7 +22,7 @@ from robot.geometry import Pose2
 from robot.ledger import Ledger
 from robot.ledger.values import Checkpoint, Dangling, Task
 from robot.mission import Localiser, Mission, MissionContext, MissionSettings, Progress, State, Trouble
-from robot.runtime.backends import BuildOptions, build_devices, needs_twin, require_timed_pulses
+from robot.runtime.backends import BuildOptions, build_devices, needs_twin, require_timed_pulses, watched
 from robot.runtime.devices import Devices, fault_plan, make_twin
 from robot.runtime.mode_log import ModeLog
 from robot.runtime.recorder import FrameRecorder
@@ -130,6 +130,7 @@ async def run_robot(
         devices = build_devices(
             config, arm_model, twin, loop.time, BuildOptions(options.config_path, options.ports, options.trace), stack
         )
+        devices = watched(devices, rig, loop.time)
         if devices.camera.image_size != rig.image_size:
             raise ConfigError(
                 f"{options.config_path}: the camera gives {devices.camera.image_size}, camera.image_size_px says "

@@ -38,10 +38,11 @@ class Ports:
             bus = self._buses[settings.path] = ModbusMaster(self.serial(settings), timeout_s)
             return bus
         first = self._taken[settings.path]
-        if (first.baud, first.parity) != (settings.baud, settings.parity):
+        ways = [f"{each.baud} 8{each.parity}{each.stop_bits}" for each in (first, settings)]
+        if ways[0] != ways[1]:
             raise ConfigError(
                 f"{first.device} and {settings.device} share {settings.path} and must speak alike, found "
-                f"{first.baud} {first.parity} and {settings.baud} {settings.parity}; correct one of them"
+                f"{ways[0]} and {ways[1]}; correct one of them"
             )
         return bus
 

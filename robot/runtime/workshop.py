@@ -12,6 +12,7 @@ from drivers.arm.dynamixel import DynamixelArm
 from drivers.arm.interface import Arm
 from drivers.arm.joints import DynamixelSettings
 from drivers.arm.mock import MockArm
+from drivers.camera.depthai import DepthAiCamera, DepthAiSettings
 from drivers.camera.files import FilesCamera, FilesSettings
 from drivers.camera.interface import StereoCamera
 from drivers.camera.mock import MockCamera
@@ -92,7 +93,7 @@ class Workshop:
                         watchdog_s=section.watchdog_s,
                         reply_timeout_s=section.timeout_s,
                     )
-                port = PortSettings(section.port, "relay", section.baud, "modbus", section.parity)
+                port = PortSettings(section.port, "relay", section.baud, "modbus", section.parity, section.stop_bits)
                 return ModbusRelay(settings, self._ports.modbus(port, section.timeout_s), self._clock)
             case _ as never:
                 assert_never(never)
@@ -184,8 +185,16 @@ class Workshop:
                         swapped=section.swapped,
                     )
                 return StereoUsb(settings, self._clock)
-            case DepthAiCameraSection():
-                raise NotImplementedError
+            case DepthAiCameraSection() as section:
+                oak = DepthAiSettings(
+                    image_size=section.image_size_px,
+                    exposure_s=section.exposure_s,
+                    gain=section.gain,
+                    rate_hz=section.rate_hz,
+                    device_id=section.device_id,
+                    white_balance_k=section.white_balance_k,
+                )
+                return DepthAiCamera(oak, self._clock)
             case FilesCameraSection() as section:
                 recording = FilesSettings(
                     source=Path(section.source),
@@ -206,7 +215,7 @@ class Workshop:
             case ModbusInputsSection() as section:
                 with _settings_of("inputs"):
                     settings = inputs_settings(section, self._config.fluid)
-                port = PortSettings(section.port, "inputs", section.baud, "modbus", section.parity)
+                port = PortSettings(section.port, "inputs", section.baud, "modbus", section.parity, section.stop_bits)
                 return ModbusInputs(settings, self._ports.modbus(port, section.timeout_s), self._clock)
             case _ as never:
                 assert_never(never)
