@@ -80,8 +80,8 @@ def apply(
 ) -> dict[Control, float]:
     """Set the controls in this order and read each back; what the camera says, by control.
 
-    ``DeviceFault`` names a control that the camera lacks or that does not keep its value, unless it ``may_differ``.
-    An automatic that the camera lacks is as good as off.
+    ``DeviceFault`` names a control that the camera lacks, whose limits forbid the value, or that does not keep it,
+    unless it ``may_differ``. An automatic that the camera lacks is as good as off.
     """
     kept: dict[Control, float] = {}
     for control, value in wanted.items():
@@ -94,6 +94,11 @@ def apply(
                 )  # fmt: skip
             continue
         nearest = limits.nearest(value)
+        if abs(nearest - value) > 0.51 * limits.step and control not in may_differ:
+            raise DeviceFault(
+                "camera", f"{control} to take {value:g}", f"{limits.low:g} to {limits.high:g} in steps of "
+                f"{limits.step:g}", f"choose a value within, or allow {control} to differ",
+            )  # fmt: skip
         controls.write(control, nearest)
         found = controls.read(control)
         if not math.isclose(found, nearest, rel_tol=1e-6, abs_tol=1e-9) and control not in may_differ:

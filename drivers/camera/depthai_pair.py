@@ -144,5 +144,5 @@ def _trimmed(dist: Array) -> Array:
 def _no_calibration(found: str) -> DeviceFault:
     return DeviceFault(
         "camera", "the stereo calibration in the camera's memory", found,
-        "calibrate the camera with sprayer calibrate, and name that file",
+        "calibrate with sprayer calibrate camera, and name that file",
     )  # fmt: skip

@@ -66,7 +66,7 @@ async def trouble(device: StereoUsb) -> DeviceError:
     began_s = now()
     with pytest.raises(DeviceError) as caught:
         await device.open()
-    assert now() - began_s < 4.0  # three, and what a busy machine adds
+    assert now() - began_s < 5.0  # three, and what a busy machine adds
     with pytest.raises(DeviceLost):
         await device.capture()
     return caught.value

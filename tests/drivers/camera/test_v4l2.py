@@ -66,6 +66,14 @@ def test_an_exposure_between_two_units_becomes_the_nearest(node: Node, path: str
     assert kept[Control.EXPOSURE_S] == 0.0043
 
 
+def test_a_value_out_of_the_cameras_limits_is_told_with_them(node: Node, path: str) -> None:
+    device = V4l2Device(path, node.ioctl)
+    with pytest.raises(DeviceFault, match="white_balance_k to take 9999, found 2800 to 6500"):
+        apply(device, WANTED | {Control.WHITE_BALANCE_K: 9999.0})
+    kept = apply(device, WANTED | {Control.WHITE_BALANCE_K: 9999.0}, frozenset({Control.WHITE_BALANCE_K}))
+    assert kept[Control.WHITE_BALANCE_K] == 6500.0
+
+
 def test_limits_are_in_seconds_kelvin_and_hertz(node: Node, path: str) -> None:
     device = V4l2Device(path, node.ioctl)
     exposure = device.limits(Control.EXPOSURE_S)
