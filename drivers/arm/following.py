@@ -13,7 +13,7 @@ from drivers.line import Line
 from drivers.serial_port import SerialPort
 
 HEARTBEAT_S = 0.05
-STALLED_S = 0.25  # without a heartbeat for so long the event loop hangs
+STALLED_S = 0.4  # without a heartbeat for so long the event loop hangs
 
 
 class Follower:
@@ -90,6 +90,6 @@ class Follower:
         return self._start_s + self._trajectory.duration_s
 
     def _next_s(self) -> float:
-        """The next full cycle from here; those that were missed are left out."""
-        self._cycles = max(self._cycles + 1, int((self._clock() - self._start_s) / self._cycle_s))
+        """The next full cycle from here, so that other jobs have their turn; those that were missed are left out."""
+        self._cycles = max(self._cycles + 1, int((self._clock() - self._start_s) / self._cycle_s) + 1)
         return min(self._start_s + self._cycles * self._cycle_s, self._end_s)

@@ -19,9 +19,10 @@ from drivers.arm.values import ArmState
 from drivers.errors import DeviceFault, DeviceRefused
 from drivers.line import Line
 
+LONGEST_BLIND_S = 0.3  # without a reading of all servos a trajectory ends
 SILENCES = 3  # of the whole bus in a row, until a trajectory ends
 VELOCITY_HEADROOM = 1.25  # of a servo's own velocity limit over the trajectories'
-LONGEST_GAP_S = 0.2  # between two goals: after a longer one the arm does not leap to catch up
+LONGEST_GAP_S = 0.25  # between two goals: after a longer one the arm does not leap to catch up
 
 
 class ServoGroup:
@@ -33,7 +34,7 @@ class ServoGroup:
         self.notes: tuple[str, ...] = ()
         self._settings, self._clock = settings, clock
         self._servos: ServoLine | None = None
-        self._stream = Stream()
+        self._stream, self._read_s = Stream(), 0.0
         self._latest: tuple[float, dict[int, bytes]] | None = None
         velocity = math.ceil(VELOCITY_HEADROOM * settings.max_velocity_rad_s / VELOCITY_UNIT_RAD_S)
         acceleration = max(1, round(settings.max_acceleration_rad_s2 / ACCELERATION_UNIT_RAD_S2))
@@ -124,7 +125,7 @@ class ServoGroup:
         """Goals will come in a stream: the servos follow each at once, no faster than a bound."""
         self.roster.require_sound()
         self._line().sync_write(blocks.PROFILE_ADDRESS, dict.fromkeys(self.roster.health, self._stream_profile))
-        self._stream = Stream()
+        self._stream, self._read_s = Stream(), self._clock()
         self.cadence.begin()
 
     def cycle(self, line: Line, goal_rad: Sequence[float]) -> None:
@@ -146,10 +147,12 @@ class ServoGroup:
                 self.roster.note({servo_id: raw})
         if answers.missing:
             self._watch.note_missing(servos, answers)
-            if answers.garbled or self._watch.silent >= SILENCES:
+            blind_s = self._clock() - self._read_s
+            if answers.garbled or self._watch.silent >= SILENCES or blind_s > LONGEST_BLIND_S:
                 raise self.roster.unanswered(answers)
         else:
             self._watch.silent = 0
+            self._read_s = stamp_s
             self._latest = stamp_s, answers.data
         self.roster.require_sound()
         self.roster.require_working()

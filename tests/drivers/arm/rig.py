@@ -5,10 +5,12 @@ from __future__ import annotations
 import asyncio
 import math
 import os
+import tempfile
 import termios
 from collections.abc import Awaitable, Callable
 from contextlib import suppress
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Any
 
 from drivers.arm.dynamixel import DynamixelArm
@@ -77,12 +79,14 @@ def on_bus(
             if not bus.deaf:
                 servos.receive(data)
 
-        wire = PtyWire(BAUD, receive)
+        folder = tempfile.TemporaryDirectory()
+        link = Path(folder.name) / "arm"
+        wire = PtyWire(BAUD, receive, link)
         paths.append(wire)
         servos.connect(BadLine("arm", twin, loop.time, wire.send, wire.byte_s))
         wire.plug()
         prepare(servos)
-        port = SerialPort(PortSettings(wire.path, "arm", BAUD, "dynamixel"), loop.time)
+        port = SerialPort(PortSettings(str(link), "arm", BAUD, "dynamixel"), loop.time)
         bus = ArmOnBus(twin, servos, wire, port, DynamixelArm(settings_for(twin, **settings), port, loop.time))
         loop.busy = lambda: port.busy or bool(wire.unread)
         serving = asyncio.ensure_future(servos.serve())
@@ -96,6 +100,7 @@ def on_bus(
             serving.cancel()
             await asyncio.wait({serving})
             wire.unplug()
+            folder.cleanup()
 
     with asyncio.Runner(loop_factory=LeapingLoop) as runner:
         runner.run(main())
@@ -113,6 +118,15 @@ def rate_of(path: str) -> int:
 def move(start: tuple[float, ...] = STOW_RAD, goal: tuple[float, ...] = POINTING_RAD) -> JointTrajectory:
     times = [0.02 * k for k in range(round(MOVE_S / 0.02) + 1)]
     return JointTrajectory(tuple(times), tuple(quintic(start, goal, MOVE_S, t) for t in times))
+
+
+NUDGED_RAD = tuple(angle + 0.08 for angle in STOW_RAD)
+
+
+def nudge() -> JointTrajectory:
+    """A little motion of all joints, from the stowed arm."""
+    times = [0.02 * k for k in range(31)]
+    return JointTrajectory(tuple(times), tuple(quintic(STOW_RAD, NUDGED_RAD, times[-1], t) for t in times))
 
 
 async def until(condition: Callable[[], bool], longest_s: float = 5.0) -> None:

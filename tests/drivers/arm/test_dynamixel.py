@@ -9,12 +9,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from drivers.arm.control_tables import TICK_RAD, OperatingMode
 from drivers.arm.emulator import viperx300_joints
 from drivers.arm.following import Follower
 from drivers.arm.protocol2 import BROADCAST, Instruction, status
-from drivers.errors import DeviceError, DeviceFault, DeviceLost, DeviceTimeout
+from drivers.errors import DeviceError, DeviceFault, DeviceLost, DeviceRefused, DeviceTimeout
 from drivers.twin import commands as c
-from tests.drivers.arm.rig import MOVE_S, POINTING_RAD, STOW_RAD, ArmOnBus, apart_rad, move, on_bus, until
+from tests.drivers.arm.rig import NUDGED_RAD, POINTING_RAD, STOW_RAD, ArmOnBus, apart_rad, move, nudge, on_bus, until
 from tests.drivers.twin import rig
 
 ACCELERATION_RAD_S2 = 4.0
@@ -66,9 +67,9 @@ def test_watchdogs_that_have_tripped_are_set_again_and_nothing_moves() -> None:
         await asyncio.sleep(2.0)
         assert apart_rad(bus.joints(), before) < 0.003  # a tick, and the encoder's noise
         assert sum(servo.watchdog_trips for servo in bus.arm.diagnostics().servos) >= 8
-        await bus.arm.follow(move())
+        await bus.arm.follow(nudge())
         await asyncio.sleep(0.5)
-        assert apart_rad(bus.joints(), POINTING_RAD) < 0.004
+        assert apart_rad(bus.joints(), NUDGED_RAD) < 0.004
 
     on_bus(test)
 
@@ -186,7 +187,7 @@ def test_hold_stops_all_others_when_one_servo_is_dead_and_says_which() -> None:
 
 def test_both_servos_of_a_joint_get_mirrored_goals() -> None:
     async def test(bus: ArmOnBus) -> None:
-        await bus.arm.follow(move())
+        await bus.arm.follow(nudge())
         for first, second in ((2, 3), (4, 5)):
             goals = [bus.emulator.servo(i).get("goal_position") - 2048 for i in (first, second)]
             assert goals[0] == -goals[1] != 0
@@ -225,9 +226,9 @@ def test_a_cold_arm_lies_in_its_cradle_and_takes_torque_without_a_jump() -> None
         await bus.arm.torque(True)
         await asyncio.sleep(1.0)
         assert apart_rad(bus.joints(), STOW_RAD) < 0.004
-        await bus.arm.follow(move())
+        await bus.arm.follow(nudge())
         await asyncio.sleep(0.5)
-        assert apart_rad(bus.joints(), POINTING_RAD) < 0.004
+        assert apart_rad(bus.joints(), NUDGED_RAD) < 0.004
 
     on_bus(test, emulator={"cold": True})
 
@@ -266,26 +267,117 @@ def test_an_unplugged_arm_ends_a_trajectory_and_stops_by_itself() -> None:
     on_bus(test)
 
 
+def test_an_arm_that_is_plugged_in_again_is_greeted_and_follows() -> None:
+    async def test(bus: ArmOnBus) -> None:
+        before = bus.joints()
+        bus.wire.unplug()
+        await asyncio.sleep(1.5)
+        assert bus.emulator.servo(1).get("bus_watchdog") == -1
+        bus.wire.plug()
+        await until(lambda: bus.port.connected, 15.0)
+        assert {bus.emulator.servo(i).get("bus_watchdog") for i in range(1, 9)} == {25}
+        assert apart_rad(bus.joints(), before) < 0.004
+        await bus.arm.follow(nudge())
+        await asyncio.sleep(0.5)
+        assert apart_rad(bus.joints(), NUDGED_RAD) < 0.004
+
+    on_bus(test)
+
+
+def test_a_servo_that_lost_its_power_while_the_port_was_gone_is_noticed() -> None:
+    async def test(bus: ArmOnBus) -> None:
+        bus.wire.unplug()
+        await asyncio.sleep(0.5)
+        bus.emulator.reboot(8)
+        await asyncio.sleep(1.0)
+        bus.wire.plug()
+        await until(lambda: bus.port.connected, 15.0)
+        with pytest.raises(DeviceFault, match="servo 8 rebooted"):
+            await bus.arm.state()
+
+    on_bus(test)
+
+
+def test_in_position_mode_the_arm_follows_as_well() -> None:
+    async def test(bus: ArmOnBus) -> None:
+        await bus.arm.follow(nudge())
+        await asyncio.sleep(0.5)
+        assert apart_rad(bus.joints(), NUDGED_RAD) < 0.004
+
+    mode = OperatingMode.POSITION
+    on_bus(test, operating_mode=mode, emulator={"operating_mode": mode})
+
+
+def test_a_slow_bus_is_followed_slowly() -> None:
+    async def test(bus: ArmOnBus) -> None:
+        await bus.arm.follow(move())
+        await asyncio.sleep(1.0)
+        assert apart_rad(bus.joints(), POINTING_RAD) < 0.004
+
+    on_bus(test, "arm:slow@0.5s")
+
+
+def test_on_a_bus_that_loses_every_other_answer_the_arm_arrives_or_stops() -> None:
+    async def test(bus: ArmOnBus) -> None:
+        try:
+            await bus.arm.follow(move())
+        except DeviceTimeout:
+            await asyncio.sleep(1.5)
+            there = bus.joints()
+            await asyncio.sleep(2.0)
+            assert apart_rad(bus.joints(), there) < 0.004
+        else:
+            await asyncio.sleep(0.5)
+            assert apart_rad(bus.joints(), POINTING_RAD) < 0.004
+        told = bus.arm.diagnostics()
+        assert told.silences > 3
+
+    on_bus(test, "arm:intermittent@1s+0.8s")
+
+
+def test_a_trajectory_beyond_a_joints_limits_is_refused() -> None:
+    async def test(bus: ArmOnBus) -> None:
+        beyond = (*STOW_RAD[:4], 2.4, STOW_RAD[5])
+        with pytest.raises(DeviceRefused, match="wrist_angle between"):
+            await bus.arm.follow(move(goal=beyond))
+        assert bus.joints() == STOW_RAD
+
+    on_bus(test)
+
+
+def test_a_stop_from_another_thread_stops_the_arm() -> None:
+    async def test(bus: ArmOnBus) -> None:
+        following = asyncio.ensure_future(bus.arm.follow(move()))
+        await asyncio.sleep(1.1)
+        await asyncio.to_thread(lambda: bus.arm.post_hold().result(5.0))
+        with pytest.raises(DeviceFault, match="a stop meanwhile"):
+            await following
+        await asyncio.sleep(1.0)
+        assert apart_rad(bus.joints(), POINTING_RAD) > 0.2
+
+    on_bus(test)
+
+
 def test_a_goal_whose_bytes_look_like_a_header_is_stuffed_and_taken() -> None:
-    """Of -131073 they are FF FF FD FF; the waist's angle 0 is put there."""
+    """Of -131073 they are FF FF FD FF; the waist's last way point is put there."""
     waist, *others = viperx300_joints(rig.twin())
-    odd = replace(waist, servos=(replace(waist.servos[0], zero_tick=-131_073),))
+    odd = replace(waist, servos=(replace(waist.servos[0], zero_tick=-131_073 - round(NUDGED_RAD[0] / TICK_RAD)),))
 
     async def test(bus: ArmOnBus) -> None:
         assert apart_rad((await bus.arm.state()).position_rad, STOW_RAD) < 0.004
-        await bus.arm.follow(move())
+        await bus.arm.follow(nudge())
         await asyncio.sleep(0.5)
         assert bus.emulator.servo(1).get("goal_position") == -131_073
-        assert apart_rad(bus.joints(), POINTING_RAD) < 0.004
+        assert apart_rad(bus.joints(), NUDGED_RAD) < 0.004
 
     on_bus(test, emulator={"joints": (odd, *others)}, joints=(odd, *others))
 
 
 def test_goals_go_out_at_a_hundred_a_second() -> None:
     async def test(bus: ArmOnBus) -> None:
-        await bus.arm.follow(move())
+        await bus.arm.follow(nudge())
         told = bus.arm.diagnostics()
-        assert told.cycles > 50 * MOVE_S  # a loaded machine may lose some
+        assert told.cycles > 30  # of 60: a loaded machine may lose some
         goals = [packet for packet in bus.heard if packet.instruction == Instruction.SYNC_WRITE]
         assert all(packet.servo_id == BROADCAST for packet in goals)
         assert len(goals) >= told.cycles
@@ -297,9 +389,9 @@ def test_fast_sync_read_gives_the_same_state() -> None:
     async def test(bus: ArmOnBus) -> None:
         state = await bus.arm.state()
         assert apart_rad(state.position_rad, STOW_RAD) < 0.004
-        await bus.arm.follow(move())
+        await bus.arm.follow(nudge())
         await asyncio.sleep(0.5)
-        assert apart_rad(bus.joints(), POINTING_RAD) < 0.004
+        assert apart_rad(bus.joints(), NUDGED_RAD) < 0.004
         assert [packet for packet in bus.heard if packet.instruction == Instruction.FAST_SYNC_READ]
 
     on_bus(test, fast_sync_read=True)
