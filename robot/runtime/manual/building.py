@@ -11,7 +11,6 @@ from pathlib import Path
 from drivers.errors import DeviceError
 from robot.aiming import ArmModel
 from robot.config import Config
-from robot.errors import UnavailableError
 from robot.navigation import Row
 from robot.runtime.backends import BuildOptions, build_devices, needs_twin
 from robot.runtime.devices import Devices, fault_plan, make_twin
@@ -46,7 +45,7 @@ def hand_devices(
 
 
 async def open_hands(devices: Devices, stack: AsyncExitStack, on_trouble: Callable[[str], None]) -> None:
-    """Open those in ``OPENED``; the stack closes them, the relay last. ``UnavailableError`` names a missing one."""
+    """Open those in ``OPENED``; the stack closes them, the relay last. ``DeviceError`` names a missing one."""
 
     async def close(name: str) -> None:
         try:
@@ -55,8 +54,5 @@ async def open_hands(devices: Devices, stack: AsyncExitStack, on_trouble: Callab
             on_trouble(f"{name} was not closed: {error}")
 
     for name in OPENED:
-        try:
-            await getattr(devices, name).open()
-        except DeviceError as error:
-            raise UnavailableError(str(error)) from error
+        await getattr(devices, name).open()
         stack.push_async_callback(close, name)

@@ -9,6 +9,7 @@ from collections.abc import Awaitable, Callable
 import numpy as np
 import pytest
 
+from drivers.errors import DeviceError
 from drivers.relay.values import Channel
 from drivers.twin.commands import WorldBumper, WorldEstop, WorldTilt
 from robot import safety
@@ -189,7 +190,7 @@ def test_a_machine_that_is_not_fit_is_not_handed_over(command, words, tmp_path, 
 @pytest.mark.parametrize("device", ["relay", "arm", "wheels", "inputs"])
 def test_a_device_that_is_missing_is_named_before_anything_moves(device, tmp_path):
     session = by_hand(tmp_path, jog, f"{device}:off")
-    assert isinstance(session.error, UnavailableError)
+    assert isinstance(session.error, DeviceError)
     assert f"{device}: expected" in str(session.error)
     assert session.asked_after(0.0) == []
 
