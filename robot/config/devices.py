@@ -101,6 +101,8 @@ class DynamixelArmSection(_Arm):
     watchdog_s: Annotated[float, between(0.2, 0.5)] = 0.3
     torque_on_close: Literal["hold", "off"] = "hold"
     fast_sync_read: bool = False
+    writes_return_delay: bool = True
+    minimum_firmware: Annotated[int, Field(ge=0, le=255)] | None = None
 
 
 # --- relay board

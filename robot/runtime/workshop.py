@@ -234,6 +234,8 @@ class Workshop:
                         watchdog_s=section.watchdog_s,
                         torque_on_close=section.torque_on_close,
                         fast_sync_read=section.fast_sync_read,
+                        writes_return_delay=section.writes_return_delay,
+                        minimum_firmware=section.minimum_firmware,
                     )
                 port = PortSettings(section.port, "arm", section.baud, "dynamixel")
                 return DynamixelArm(settings, self._ports.serial(port), self._clock)

@@ -29,6 +29,7 @@ from robot.runtime import RunOptions, RunResult, run_robot
 from robot.runtime.devices import nominal_machine
 from robot.runtime.settings import load_arm, load_row, mission_settings
 from robot.vision.make import make_detector
+from tests.bench import bench_arm, bench_camera, bench_gps, bench_modem, bench_relay
 
 DEMO = packaged("configs") / "demo.toml"
 
@@ -121,6 +122,15 @@ def main() -> None:
     aiming(config)
     ledger()
     mission()
+    for title, device in (
+        ("arm, over an emulated bus in another process", bench_arm),
+        ("relay board", bench_relay),
+        ("receiver", bench_gps),
+        ("modem", bench_modem),
+        ("camera", bench_camera),
+    ):
+        sys.stdout.write(f"{title}\n")
+        device.bench(_line)
     peak_mib = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
     _line("memory: peak resident set of this process", f"{peak_mib:.0f} MiB")
 
