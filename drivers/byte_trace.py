@@ -93,6 +93,12 @@ def _chunks(path: Path) -> Iterator[Chunk]:
                 line = json.loads(text)
                 if "note" in line:
                     return
-                yield Chunk(float(line["t"]), line["dir"], bytes.fromhex(line["hex"]))
+                yield Chunk(float(line["t"]), _direction(line["dir"]), bytes.fromhex(line["hex"]))
             except (ValueError, KeyError, TypeError) as error:
                 raise ValueError(f"{path}: line {number} is not of a byte trace; the file was changed") from error
+
+
+def _direction(word: object) -> Direction:
+    if word not in ("out", "in"):
+        raise ValueError(word)
+    return word

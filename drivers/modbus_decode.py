@@ -8,6 +8,7 @@ from collections.abc import Iterable, Iterator
 from drivers import modbus_pdu as pdu
 from drivers.byte_trace import Direction
 from drivers.modbus_frames import Found, FrameFinder, answer_size, request_size
+from drivers.trace_decoder import Wrong
 
 _HEADER = struct.Struct(">HHHB")
 
@@ -48,7 +49,7 @@ class ModbusDecoder:
     def rest(self) -> list[str]:
         """What never was completed."""
         held, self._held = self._held, {"out": b"", "in": b""}
-        incomplete = [f"incomplete: {data.hex(' ')}" for data in held.values() if data]
+        incomplete: list[str] = [Wrong(f"incomplete: {data.hex(' ')}") for data in held.values() if data]
         return incomplete + _lines("out", self._finders["out"].silence()) + _lines("in", self._finders["in"].silence())
 
     def _tcp_lines(self, direction: Direction, data: bytes) -> Iterator[str]:
@@ -56,21 +57,26 @@ class ModbusDecoder:
         while len(held) >= _HEADER.size:
             transaction, protocol, length, unit = _HEADER.unpack_from(held)
             if protocol != 0 or not 2 <= length <= 254:
-                yield f"no Modbus TCP: {held.hex(' ')}"
+                yield Wrong(f"no Modbus TCP: {held.hex(' ')}")
                 held = b""
             elif len(held) < 6 + length:
                 break
             else:
                 payload, held = held[_HEADER.size : 6 + length], held[6 + length :]
-                yield f"#{transaction} {_told(unit, payload, direction)}"
+                told = _told(unit, payload, direction)
+                yield type(told)(f"#{transaction} {told}")
         self._held[direction] = held
 
 
 def _lines(direction: Direction, found: Iterable[Found]) -> list[str]:
     return [
-        _told(each.data[0], each.data[1:-2], direction) if each.is_frame else f"CRC error: {each.data.hex(' ')}"
+        _told(each.data[0], each.data[1:-2], direction) if each.is_frame else _broken(direction, each.data)
         for each in found
     ]
+
+
+def _broken(direction: Direction, data: bytes) -> Wrong:
+    return Wrong(f"CRC error in {'a request' if direction == 'out' else 'an answer'}: {data.hex(' ')}")
 
 
 def _told(unit: int, payload: bytes, direction: Direction) -> str:
@@ -79,7 +85,7 @@ def _told(unit: int, payload: bytes, direction: Direction) -> str:
     name = _NAMES.get(function & ~pdu.ERROR_BIT, f"function {function & ~pdu.ERROR_BIT:02d}")
     to = f"unit {unit} {name}" if unit else f"all units {name}"
     if function & pdu.ERROR_BIT:
-        return f"{to}: exception {data[0]} ({pdu.exception_name(data[0])})" if data else f"{to}: exception"
+        return Wrong(f"{to}: exception {data[0]} ({pdu.exception_name(data[0])})" if data else f"{to}: exception")
     return f"{to}{_values(function, data, direction)}"
 
 

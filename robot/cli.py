@@ -8,7 +8,8 @@ import sys
 
 import typer
 
-from drivers.errors import DeviceError
+from drivers.errors import DeviceBusy, DeviceError
+from robot.commands.arm import app as arm
 from robot.commands.calibrate import app as calibrate
 from robot.commands.calibrate_flow import calibrate_flow
 from robot.commands.config_check import app as config
@@ -16,11 +17,14 @@ from robot.commands.demo import demo
 from robot.commands.detect import detect
 from robot.commands.doctor import doctor
 from robot.commands.emulate import emulate
+from robot.commands.gps import app as gps
+from robot.commands.home import home
 from robot.commands.jog import app as jog
 from robot.commands.report import report
 from robot.commands.run import run
 from robot.commands.spray import spray
-from robot.errors import FileError, SprayerError, UnavailableError, UsageError
+from robot.commands.trace import trace
+from robot.errors import BusyError, FileError, SprayerError, UnavailableError, UsageError
 from robot.runtime.signals import STOPPING
 
 _FILE = FileError.exit_code
@@ -32,10 +36,14 @@ app.command()(doctor)
 app.command()(emulate)
 app.command()(detect)
 app.command()(report)
+app.add_typer(arm, name="arm")
 app.add_typer(calibrate, name="calibrate")
 app.add_typer(config, name="config")
+app.add_typer(gps, name="gps")
 app.add_typer(jog, name="jog")
 app.command()(spray)
+app.command()(trace)
+arm.command("home")(home)
 calibrate.command("flow")(calibrate_flow)
 
 
@@ -67,6 +75,8 @@ def _exit_code(arguments: list[str]) -> int:
         return ended.exit_code
     except SprayerError as error:
         return _fail(str(error), error.exit_code)
+    except DeviceBusy as error:
+        return _fail(str(error), BusyError.exit_code)
     except DeviceError as error:
         return _fail(str(error), UnavailableError.exit_code)
     except OSError as error:

@@ -17,6 +17,7 @@ from drivers.arm.protocol2 import (
     PacketReader,
     status_error_text,
 )
+from drivers.trace_decoder import Wrong
 
 SHOWN_BYTES = 16
 _MODEL = MODELS["XM430-W350"]  # its registers lie where those of all models lie, but for current and load
@@ -35,19 +36,22 @@ class DynamixelDecoder:
 
     def feed(self, direction: Literal["out", "in"], data: bytes) -> list[str]:
         """The lines for what is complete now; "out" is from the host."""
-        lines = []
+        lines: list[str] = []
         for item in self._readers[direction].feed(data):
             match item:
                 case Noise(noise):
-                    more = "" if len(noise) <= SHOWN_BYTES else f" and {len(noise) - SHOWN_BYTES} more"
-                    lines.append(f"noise {noise[:SHOWN_BYTES].hex(' ')}{more}")
+                    lines.append(Wrong(f"noise {_shown(noise)}"))
                 case Broken(servo_id, instruction, because, _):
-                    lines.append(f"BROKEN {_who(servo_id)} {_verb(instruction)}: {because}")
+                    lines.append(Wrong(f"BROKEN {_who(servo_id)} {_verb(instruction)}: {because}"))
                 case Packet() if item.instruction == Instruction.STATUS:
                     lines.append(self._answer(item))
                 case Packet():
                     lines.append(self._request(item))
         return lines
+
+    def rest(self) -> list[str]:
+        """What never was completed."""
+        return [Wrong(f"incomplete: {_shown(reader.held)}") for reader in self._readers.values() if reader.held]
 
     # --- from the host
 
@@ -103,18 +107,21 @@ class DynamixelDecoder:
         if packet.servo_id == BROADCAST:
             return self._fast_answer(packet.data)
         if not packet.data:
-            return f"{_who(packet.servo_id)} status without an error byte"
+            return Wrong(f"{_who(packet.servo_id)} status without an error byte")
         error, data = packet.data[0], packet.data[1:]
-        return f"{_who(packet.servo_id)} {self._told(packet.servo_id, error, data)}"
+        told = f"{_who(packet.servo_id)} {self._told(packet.servo_id, error, data)}"
+        return Wrong(told) if error else told
 
     def _fast_answer(self, data: bytes) -> str:
-        parts = []
+        parts, errors = [], 0
         for servo_id in self._asked_fast:
             size = self._asked[servo_id][1]
             part, data = data[: size + 2], data[size + 4 :]
             if len(part) == size + 2:
+                errors |= part[0]
                 parts.append(f"{part[1]}: {self._told(part[1], part[0], part[2:])}")
-        return "servos " + ("; ".join(parts) if parts else data.hex(" "))
+        told = "servos " + ("; ".join(parts) if parts else data.hex(" "))
+        return Wrong(told) if errors else told
 
     def _told(self, servo_id: int, error: int, data: bytes) -> str:
         words = []
@@ -147,6 +154,11 @@ class DynamixelDecoder:
             text = hardware_error_text(value) if register.name == "hardware_error_status" else str(value)
             words.append(f"{register.name}={text}")
         return " ".join(words)
+
+
+def _shown(data: bytes) -> str:
+    more = "" if len(data) <= SHOWN_BYTES else f" and {len(data) - SHOWN_BYTES} more"
+    return data[:SHOWN_BYTES].hex(" ") + more
 
 
 def _who(servo_id: int) -> str:

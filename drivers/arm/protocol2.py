@@ -151,6 +151,10 @@ class PacketReader:
         """Of a packet that is not complete."""
         return len(self._held)
 
+    @property
+    def held(self) -> bytes:
+        return bytes(self._held)
+
     def feed(self, data: bytes) -> list[Packet | Broken | Noise]:
         """What is complete with ``data``."""
         self._held += data

@@ -9,6 +9,7 @@ from drivers.gps.framing import Framer
 from drivers.gps.nmea_sentences import BadSentence, Sentence, parse
 from drivers.gps.rtcm import RtcmFramer, message_number
 from drivers.gps.values import FixQuality
+from drivers.trace_decoder import Wrong
 
 SHOWN_BYTES = 16
 
@@ -26,7 +27,7 @@ class NmeaDecoder:
     def rest(self) -> list[str]:
         """What never was completed."""
         held = self._in.held
-        return [f"incomplete: {held.decode('ascii')}"] if held else []
+        return [Wrong(f"incomplete: {held.decode('ascii')}")] if held else []
 
     def _from_receiver(self, data: bytes) -> list[str]:
         whole = self._in.held + data
@@ -39,14 +40,14 @@ class NmeaDecoder:
             try:
                 lines.append(f"{_said(parse(frame))}   {frame.decode('ascii')}")
             except BadSentence as error:
-                lines.append(f"BAD {error}")
+                lines.append(Wrong(f"BAD {error}"))
         return lines + _stray(whole[end : len(whole) - len(self._in.held)])
 
     def _to_receiver(self, data: bytes) -> list[str]:
         before = self._out.statistics.stray_bytes
-        lines = [f"RTCM {message_number(frame)}, {len(frame)} bytes" for frame in self._out.feed(data)]
+        lines: list[str] = [f"RTCM {message_number(frame)}, {len(frame)} bytes" for frame in self._out.feed(data)]
         stray = self._out.statistics.stray_bytes - before
-        return lines + ([f"{stray} bytes that are no RTCM frame"] if stray else [])
+        return lines + ([Wrong(f"{stray} bytes that are no RTCM frame")] if stray else [])
 
 
 def _stray(data: bytes) -> list[str]:
@@ -54,7 +55,7 @@ def _stray(data: bytes) -> list[str]:
     if not data:
         return []
     more = " ..." if len(data) > SHOWN_BYTES else ""
-    return [f"{len(data)} bytes that are no sentence: {data[:SHOWN_BYTES].hex(' ')}{more}"]
+    return [Wrong(f"{len(data)} bytes that are no sentence: {data[:SHOWN_BYTES].hex(' ')}{more}")]
 
 
 def _said(sentence: Sentence) -> str:
