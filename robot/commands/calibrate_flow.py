@@ -17,6 +17,7 @@ from robot.commands.spray import YesOption
 from robot.commands.terminal import Answers
 from robot.config import Config
 from robot.dosing import Catch, CatchFit, fit_catches, meter_ml_per_pulse
+from robot.dosing.catch_test import LEAST_LENGTHS
 from robot.errors import SprayerError, UsageError
 from robot.ledger import Outcome
 from robot.mission.settings import DoseSettings
@@ -154,7 +155,9 @@ def _lengths(config: Config, dose: DoseSettings, given_s: Sequence[float] | None
         for each_s in given_s:
             if not shortest_s <= each_s <= longest_s:
                 raise UsageError(f"--open-s {each_s:g}: dosing and caps allow {shortest_s:g} to {longest_s:.3f} s")
-        return tuple(sorted(given_s))
+        if len(set(given_s)) < LEAST_LENGTHS:
+            raise UsageError(f"--open-s: expected {LEAST_LENGTHS} pulse lengths or more, found {len(set(given_s))}")
+        return tuple(sorted(set(given_s)))
     first_s, last_s = max(SHORTEST_S, shortest_s), min(LONGEST_S, longest_s)
     return tuple(round(first_s + (last_s - first_s) * k / (LENGTHS - 1), 3) for k in range(LENGTHS))
 

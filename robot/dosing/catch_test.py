@@ -93,16 +93,16 @@ def meter_ml_per_pulse(catches: Sequence[Catch], configured_ml: float) -> float 
 
 
 def _odd_one_out(open_s: Vector, pulse_ml: Vector) -> tuple[int, float]:
-    """The cup that is farthest from the line through the others, against its size, and how far."""
-    worst, beside_ml, most = 0, 0.0, -1.0
+    """The cup without which the others lie best on a line, and how far it is from that line."""
+    best, beside_ml, least_ml2 = 0, 0.0, math.inf
     for k in range(len(open_s)):
         others = np.arange(len(open_s)) != k
         slope, offset = np.polyfit(open_s[others], pulse_ml[others], 1)
-        off_ml = float(pulse_ml[k] - slope * open_s[k] - offset)
-        weight = abs(off_ml) / max(ODD_ML, ODD_SHARE * float(pulse_ml[k]))
-        if weight > most:
-            worst, beside_ml, most = k, off_ml, weight
-    return worst, beside_ml
+        off_ml = pulse_ml - slope * open_s - offset
+        rest_ml2 = float(np.sum(off_ml[others] ** 2))
+        if rest_ml2 < least_ml2:
+            best, beside_ml, least_ml2 = k, float(off_ml[k]), rest_ml2
+    return best, beside_ml
 
 
 def _name(cup: Catch) -> str:
