@@ -6,12 +6,15 @@ CONFIG ?= configs/demo.toml
 SEED   ?= 1
 SPEED  ?= 10
 OUT    ?= out/demo
+# Half of the suite waits for simulated wires: twice as many workers as cores.
+WORKERS ?= $(shell echo $$((2 * $$(nproc))))
 
-.PHONY: help demo test test-long check bench clean
+.PHONY: help demo test test-peers test-long check bench clean
 
 help:
 	@echo "make demo       spray a simulated row and write a report (SEED=1 SPEED=10 CONFIG=configs/demo.toml)"
 	@echo "make test       the test suite (under 5 minutes)"
+	@echo "make test-peers independent programs talk to our drivers and emulators (gpsd, mbpoll, gammu, smsd, rustypot)"
 	@echo "make test-long  the slow tests too"
 	@echo "make check      format, lint, types, architecture"
 	@echo "make bench      speed and memory, measured"
@@ -30,7 +33,10 @@ demo: $(VENV)/.installed
 	$(BIN)/sprayer demo --config $(CONFIG) --seed $(SEED) --speed $(SPEED) --out $(OUT)
 
 test: $(VENV)/.installed-dev
-	$(BIN)/python -m pytest -n auto -m "not long"
+	$(BIN)/python -m pytest -n $(WORKERS) -m "not long and not peer"
+
+test-peers: $(VENV)/.installed-dev
+	$(BIN)/python -m pytest -n 2 -m "peer and not long"
 
 test-long: $(VENV)/.installed-dev
 	$(BIN)/python -m pytest -n auto

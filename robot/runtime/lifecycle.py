@@ -13,7 +13,6 @@ from pathlib import Path
 from drivers.errors import DeviceBusy, DeviceError
 from drivers.twin.machine import Twin
 from robot import safety
-from robot.actuation import Actuation
 from robot.clock import keep_time
 from robot.config import Config
 from robot.errors import BusyError, ConfigError, FileError, UnavailableError, UsageError
@@ -24,19 +23,16 @@ from robot.ledger.values import Checkpoint, Dangling, Task
 from robot.mission import Localiser, Mission, MissionContext, MissionSettings, Progress, State, Trouble
 from robot.runtime.backends import BuildOptions, build_devices, needs_twin, require_timed_pulses, watched
 from robot.runtime.devices import Devices, fault_plan, make_twin
-from robot.runtime.mode_log import ModeLog
 from robot.runtime.recorder import FrameRecorder
-from robot.runtime.resuming import check_resumable, given_by_target_ml, task_to_resume
-from robot.runtime.settings import hand_settings, limits, load_arm, load_camera, load_row, mission_settings, task
+from robot.runtime.resuming import check_resumable, given_by_target_ml, taken_by_hand_ml, task_to_resume
+from robot.runtime.settings import load_arm, load_camera, load_row, mission_settings, task
 from robot.runtime.signals import StopSignals
-from robot.safety.failsafe import Action, action_for
-from robot.supervision import Supervisor
+from robot.runtime.upkeep import Poll, Upkeep
 from robot.targets import book_of
 from robot.vision.detector import Detector
 from robot.vision.make import make_detector
 from robot.vision.stereo_rig import StereoRig
 
-FIRST_READINGS_S = 3.0
 FARTHEST_COAST_M = 2.0  # how far the counters may have gone on between the last checkpoint and a resume
 
 
@@ -177,15 +173,12 @@ class _Robot:
         self._settings = settings
         self._lamp = config.camera.lamp == "on"
         self._mission: Mission | None = None
-        self._modes = ModeLog(ledger)
         self._progress = Progress()
         self._checkpoint: Checkpoint | None = None
         self._signals = signals
         self.localiser = Localiser(settings.track_m, settings.datum, settings.fix_rules)
-        self.actuation = Actuation(
-            devices.arm, devices.relay, devices.wheels, devices.inputs, ledger, limits(config), hand_settings(config),
-            self._mode_changed,
-        )  # fmt: skip
+        self._upkeep = Upkeep(config, devices, ledger, self._mode_changed, self._trouble)
+        self.actuation = self._upkeep.actuation
 
     def open_task(self, task: Task) -> int:
         """A new task in the ledger, or with ``resume`` the last one and how far it came."""
@@ -199,7 +192,8 @@ class _Robot:
         self._progress.stop = max(0, self._checkpoint.stop - 1) if self._checkpoint else 0
         given_ml = given_by_target_ml(self._ledger, task_id)
         total_ml = sum(given_ml.values())
-        self.actuation.begin_task(task_id, task.tank_fill_ml - total_ml, total_ml, given_ml)
+        left_ml = task.tank_fill_ml - total_ml - taken_by_hand_ml(self._ledger, task_id)
+        self.actuation.begin_task(task_id, left_ml, total_ml, given_ml)
         return task_id
 
     def context(self, task_id: int | None, detector: Detector, rig: StereoRig) -> MissionContext | None:
@@ -213,47 +207,18 @@ class _Robot:
     async def live(self, context: MissionContext | None) -> State:
         """Poll, supervise, run the mission when there is one, and wait for a signal when there is none."""
         recorder = FrameRecorder(self._bus, frames_folder(self._options.folder))
-        state = State.IDLE
-        try:
-            async with asyncio.TaskGroup() as group:
-                supervisor = Supervisor(group, lambda name, text: self._on_fault(group, name, text))
-                keeping = group.create_task(recorder.run(), name="frame recorder")
-                logging = group.create_task(self._modes.run(), name="mode log")
-                try:
-                    self._supervise(supervisor)
-                    await self._first_readings()
-                    state = await self._work(group, context)
-                finally:
-                    await self._let_go()
-                    supervisor.stop()
-                    keeping.cancel()
-                    logging.cancel()
-        finally:
-            self._modes.write_rest()
+        polls = (
+            Poll("gps", "navigation", self._poll_gps, 0.0, 3.0),
+            Poll("modem", "telemetry", self._poll_modem, 10.0, 30.0),
+        )
+        async with self._upkeep.living(self.localiser.on_odometry, polls) as group:
+            keeping = group.create_task(recorder.run(), name="frame recorder")
+            try:
+                state = await self._work(group, context)
+            finally:
+                keeping.cancel()
         recorder.write_rest()
         return state
-
-    def _supervise(self, supervisor: Supervisor) -> None:
-        supervisor.poll("sensors", "actuation", self.actuation.poll_sensors, 0.1, 0.5)
-        supervisor.poll("odometry", "actuation", self._poll_odometry, 0.05, 0.3)
-        supervisor.poll("arm", "actuation", self.actuation.poll_arm, 0.1, 0.5)
-        supervisor.poll("relay", "actuation", self.actuation.poll_relay, 0.2, 5.0)
-        supervisor.poll("gps", "navigation", self._poll_gps, 0.0, 3.0)
-        supervisor.poll("modem", "telemetry", self._poll_modem, 10.0, 30.0)
-        supervisor.watch()
-
-    async def _first_readings(self) -> None:
-        try:
-            async with asyncio.timeout(FIRST_READINGS_S):
-                while True:
-                    if self.actuation.all_reported:
-                        break
-                    await asyncio.sleep(0.02)
-        except TimeoutError:
-            raise UnavailableError(
-                f"not every device reported within {FIRST_READINGS_S} s; look at the faults above and mend the device"
-            ) from None
-        await self.actuation.begin_metering()
 
     async def _work(self, group: asyncio.TaskGroup, context: MissionContext | None) -> State:
         if context is None:
@@ -263,12 +228,7 @@ class _Robot:
             await self.actuation.stop(f"stopped by {self._signals.name}")
             return State.IDLE
         self._place()
-        await self.actuation.energise(self._lamp)
-        for verb in (safety.Verb.ARM, safety.Verb.START):
-            decision = self.actuation.change_mode(verb, "start")
-            if not decision.allowed:
-                reasons = (*decision.reasons, *self.actuation.state.causes)
-                raise UnavailableError(f"cannot {verb}: {'; '.join(reasons)}")
+        await self._upkeep.arm(safety.Verb.START, "start", self._lamp)
         self._mission = Mission(context)
         running = group.create_task(self._mission.run(), name="mission")
         signalled = group.create_task(self._signals.wait(), name="signals")
@@ -297,19 +257,6 @@ class _Robot:
         except DeviceError as error:
             raise UnavailableError(str(error)) from error
 
-    async def _let_go(self) -> None:
-        """Whatever happened: valve shut, base halted, arm held, outputs off."""
-        if self.actuation.state.mode in (safety.Mode.AUTO, safety.Mode.MANUAL, safety.Mode.PAUSED):
-            await self.actuation.stop("the program is going down")
-        for part in await self.actuation.de_energise():
-            if part.error:
-                self._trouble(f"{part.part}: {part.error}")
-
-    async def _poll_odometry(self) -> None:
-        await self.actuation.poll_odometry()
-        if self.actuation.odometry is not None:
-            self.localiser.on_odometry(self.actuation.odometry)
-
     async def _poll_gps(self) -> None:
         self.localiser.on_fix(await self._devices.gps.next_fix())
 
@@ -319,15 +266,8 @@ class _Robot:
     def _mode_changed(self, state: safety.SafetyState) -> None:
         loop = asyncio.get_running_loop()
         self._bus.publish(ModeChanged(state.mode, state.causes, loop.time()))
-        self._modes.put(f"{state.mode} {'; '.join(state.causes)}".strip(), loop.time())
         if self._mission is not None:
             self._mission.mode_changed(state)
-
-    def _on_fault(self, group: asyncio.TaskGroup, name: str, text: str) -> None:
-        what = text if text.startswith(f"{name}: ") else f"{name}: {text}"
-        self._trouble(what)
-        if action_for(name) >= Action.PAUSE and self.actuation.state.mode is not safety.Mode.DISARMED:
-            group.create_task(self.actuation.stop(what), name=f"stop for {name}")
 
     def _trouble(self, text: str) -> None:
         self._bus.publish(Trouble(text, asyncio.get_running_loop().time()))

@@ -4,11 +4,9 @@ from __future__ import annotations
 
 import asyncio
 import resource
-import statistics
 import sys
 import tempfile
 import time
-from collections.abc import Callable
 from pathlib import Path
 
 import cv2
@@ -30,23 +28,9 @@ from robot.runtime.devices import nominal_machine
 from robot.runtime.settings import load_arm, load_row, mission_settings
 from robot.vision.make import make_detector
 from tests.bench import bench_arm, bench_camera, bench_gps, bench_modem, bench_relay
+from tests.bench.lines import measure, say
 
 DEMO = packaged("configs") / "demo.toml"
-
-
-def measure(name: str, repeats: int, step: Callable[[], object], goal: str = "") -> None:
-    """Thread CPU time of each repeat, milliseconds, after one unmeasured call."""
-    step()
-    times_ms = []
-    for _ in range(repeats):
-        began = time.thread_time()
-        step()
-        times_ms.append(1e3 * (time.thread_time() - began))
-    _line(name, f"median {statistics.median(times_ms):8.2f} ms   worst {max(times_ms):8.2f} ms   n {repeats}", goal)
-
-
-def _line(name: str, figures: str, goal: str = "") -> None:
-    sys.stdout.write(f"{name:<46}{figures}{'   goal ' + goal if goal else ''}\n")
 
 
 def vision_and_twin(config: Config) -> None:
@@ -105,7 +89,7 @@ def mission() -> None:
 
         result = run_virtual(life())
         wall_s = time.monotonic() - marks_s[0]
-    _line(
+    say(
         "mission: the demo row in virtual time",
         f"{result.duration_s:.0f} s simulated in {wall_s:.1f} s, after {marks_s[0] - began_s:.1f} s to come up: "
         f"{result.duration_s / wall_s:.0f} times real time",
@@ -130,9 +114,9 @@ def main() -> None:
         ("camera", bench_camera),
     ):
         sys.stdout.write(f"{title}\n")
-        device.bench(_line)
+        device.bench(say)
     peak_mib = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
-    _line("memory: peak resident set of this process", f"{peak_mib:.0f} MiB")
+    say("memory: peak resident set of this process", f"{peak_mib:.0f} MiB")
 
 
 if __name__ == "__main__":

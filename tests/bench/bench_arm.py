@@ -8,9 +8,7 @@ from __future__ import annotations
 import asyncio
 import math
 import statistics
-import sys
 import time
-from collections.abc import Callable
 
 from drivers.arm import register_blocks as blocks
 from drivers.arm.dynamixel import DynamixelArm
@@ -20,6 +18,7 @@ from drivers.arm.values import JointTrajectory
 from drivers.line import Line, PortSettings
 from drivers.serial_port import SerialPort
 from drivers.twin import Twin
+from tests.bench.lines import Say, say
 from tests.drivers.arm.served import served, six_joints
 from tests.drivers.twin import rig
 
@@ -28,7 +27,6 @@ CYCLES = {57_600: 60, 1_000_000: 600, 4_000_000: 600}
 FOLLOW_S = 10.0
 # sync write of six goals, sync read of six positions, six answers of a position each
 CYCLE_BYTES = (14 + 6 * 5) + (14 + 6) + 6 * 15
-Say = Callable[[str, str, str], None]
 
 
 def bench(say: Say) -> None:
@@ -99,9 +97,6 @@ def _settings(twin: Twin) -> DynamixelSettings:
 
 
 def main() -> None:
-    def say(name: str, figures: str, goal: str = "") -> None:
-        sys.stdout.write(f"{name:<46}{figures}{'   goal ' + goal if goal else ''}\n")
-
     bench(say)
 
 

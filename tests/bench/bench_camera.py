@@ -4,17 +4,16 @@ from __future__ import annotations
 
 import asyncio
 import statistics
-import sys
 import time
-from collections.abc import Callable
 
 import cv2
 import numpy as np
 
+from drivers.camera import frame_checks
 from drivers.camera.darkroom import WorkerProcess
 from drivers.camera.emulator import CameraEmulator
 from drivers.camera.epipolar import StereoCalibration
-from drivers.camera.frame_checks import grey_of, measure
+from drivers.camera.frame_checks import grey_of
 from drivers.camera.frame_watch import FrameWatch
 from drivers.camera.pictures import picture_of
 from drivers.camera.stereo_usb import StereoUsb
@@ -22,30 +21,17 @@ from drivers.camera.stereo_usb_settings import StereoUsbSettings
 from drivers.camera.values import StereoFrame
 from drivers.camera.view_matching import match
 from drivers.twin import Twin
+from tests.bench.lines import Say, measure, say
 from tests.drivers.twin import rig
 
 _LOOKS_S = 4.0
-
-
-def _line(name: str, figures: str, goal: str = "") -> None:
-    sys.stdout.write(f"{name:<46}{figures}{'   goal ' + goal if goal else ''}\n")
-
-
-def _cpu(name: str, repeats: int, step: Callable[[], object], goal: str = "") -> None:
-    step()
-    times_ms = []
-    for _ in range(repeats):
-        began_s = time.thread_time()
-        step()
-        times_ms.append(1e3 * (time.thread_time() - began_s))
-    _line(name, f"median {statistics.median(times_ms):8.2f} ms   worst {max(times_ms):8.2f} ms   n {repeats}", goal)
 
 
 def decoding_and_watching(twin: Twin) -> None:
     frames = [StereoFrame(0.0, n, *twin.expose(0.0, 0.004, 1.0, n), 0.004, 1.0) for n in range(4)]
     whole = np.hstack((frames[0].left, frames[0].right))
     data = cv2.imencode(".jpg", whole, [cv2.IMWRITE_JPEG_QUALITY, 92])[1].reshape(-1)
-    _cpu("camera: check and decode a side-by-side JPEG", 60, lambda: picture_of(data, "MJPG", (1280, 480)))
+    measure("camera: check and decode a side-by-side JPEG", 60, lambda: picture_of(data, "MJPG", (1280, 480)))
     optics = twin.nominal.optics
     watch = FrameWatch(
         StereoCalibration(
@@ -53,10 +39,11 @@ def decoding_and_watching(twin: Twin) -> None:
         )
     )
     numbers = iter(range(1_000_000))
-    _cpu("camera: watch a pair for faults", 60, lambda: watch.look(frames[next(numbers) % 4]), "<= 15 ms")
+    measure("camera: watch a pair for faults", 60, lambda: watch.look(frames[next(numbers) % 4]), "<= 15 ms")
     left, right = grey_of(frames[0].left), grey_of(frames[0].right)
-    _cpu("camera:   of it, black, covered, blurred", 60, lambda: (measure(left), measure(right)))
-    _cpu("camera:   of it, matches of both views", 60, lambda: match(left, right))
+    both = (left, right)
+    measure("camera:   of it, black, covered, blurred", 60, lambda: [frame_checks.measure(view) for view in both])
+    measure("camera:   of it, matches of both views", 60, lambda: match(left, right))
 
 
 async def streaming(twin: Twin) -> None:
@@ -70,7 +57,7 @@ async def streaming(twin: Twin) -> None:
     device = StereoUsb(settings, clock)
     began_s = clock()
     await device.open()
-    _line("camera: open, controls verified, first pair", f"{1e3 * (clock() - began_s):8.0f} ms", "<= 3000 ms")
+    say("camera: open, controls verified, first pair", f"{1e3 * (clock() - began_s):8.0f} ms", "<= 3000 ms")
     waits_ms, ages_ms = [], []
     for number in range(30):
         await asyncio.sleep(0.013 * (number % 5))
@@ -79,17 +66,17 @@ async def streaming(twin: Twin) -> None:
         waits_ms.append(1e3 * (clock() - called_s))
         ages_ms.append(1e3 * (clock() - frame.stamp_s))
     period_ms = 1e3 / twin.nominal.camera_rate_hz
-    _line(
+    say(
         "camera: capture() to its pair",
         f"median {statistics.median(waits_ms):8.1f} ms   worst {max(waits_ms):8.1f} ms",
         f"<= 3 periods of {period_ms:.0f} ms + readout",
     )
-    _line("camera: age of a pair when it is given", f"median {statistics.median(ages_ms):8.1f} ms")
+    say("camera: age of a pair when it is given", f"median {statistics.median(ages_ms):8.1f} ms")
     before, pairs = time.process_time(), device.statistics.pairs
     await asyncio.sleep(_LOOKS_S)
     pairs = device.statistics.pairs - pairs
     used_ms = 1e3 * (time.process_time() - before)
-    _line(
+    say(
         "camera: driver and stream server, nobody asks",
         f"{used_ms / max(pairs, 1):8.2f} ms CPU a pair, {pairs / _LOOKS_S:.1f} pairs a second",
     )
@@ -98,7 +85,7 @@ async def streaming(twin: Twin) -> None:
     await asyncio.gather(life, return_exceptions=True)
 
 
-def main() -> None:
+def bench(_say: Say) -> None:
     cv2.setNumThreads(1)
     twin = rig.twin()
     decoding_and_watching(twin)
@@ -107,4 +94,4 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    main()
+    bench(say)

@@ -8,7 +8,6 @@ import subprocess
 import sys
 import time
 import tty
-from collections.abc import Callable
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
@@ -22,8 +21,7 @@ from drivers.gps.nmea import NmeaGps, NmeaSettings
 from drivers.gps.sentence_reader import SentenceReader
 from drivers.gps.values import Fix, FixQuality
 from drivers.line import PortSettings
-
-Line_ = Callable[[str, str, str], None]
+from tests.bench.lines import Say, say
 
 HOME = Path(__file__).parents[2]
 CHUNK_BYTES = 512
@@ -54,7 +52,7 @@ def fed(data: bytes) -> tuple[float, SentenceReader, int]:
     return time.thread_time() - began, reader, epochs
 
 
-def throughput(line: Line_) -> None:
+def throughput(line: Say) -> None:
     data = b"".join(epoch(number) for number in range(EPOCHS))
     spent_s, reader, epochs = fed(data)
     sentences = reader.statistics.sentences
@@ -71,7 +69,7 @@ def throughput(line: Line_) -> None:
     line("gps: of that, pynmea2 alone", f"{1e6 * (time.thread_time() - began) / sentences:8.1f} us a sentence", "")
 
 
-def garbage(line: Line_) -> None:
+def garbage(line: Say) -> None:
     dice = np.random.default_rng(1)
     kinds = {
         "random bytes": dice.bytes(8_000_000),
@@ -128,7 +126,7 @@ def flooded(bytes_s: float) -> Flooded:
         os.close(slave)
 
 
-def flood(line: Line_) -> None:
+def flood(line: Say) -> None:
     for name, bytes_s in (("", 0.0), (" in 1 MB/s of noise", FLOOD_BYTES_S)):
         cost = flooded(bytes_s)
         line(
@@ -160,7 +158,7 @@ def _resident() -> int:
     return int(Path("/proc/self/statm").read_text().split()[1]) * os.sysconf("SC_PAGE_SIZE")
 
 
-def bench(line: Line_) -> None:
+def bench(line: Say) -> None:
     throughput(line)
     garbage(line)
     flood(line)
@@ -169,9 +167,6 @@ def bench(line: Line_) -> None:
 def main() -> None:
     if len(sys.argv) > 1:
         talk(int(sys.argv[1]), float(sys.argv[2]))
-
-    def say(name: str, figures: str, goal: str = "") -> None:
-        sys.stdout.write(f"{name:<46}{figures}{'   goal ' + goal if goal else ''}\n")
 
     bench(say)
 

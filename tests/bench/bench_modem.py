@@ -6,7 +6,6 @@ import asyncio
 import statistics
 import sys
 import time
-from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass, field
 from datetime import datetime
@@ -20,6 +19,7 @@ from drivers.modem.gsm import GsmModem
 from drivers.modem.gsm_settings import GsmSettings
 from drivers.modem.pdu import Deliver, encode_deliver
 from drivers.twin import commands as c
+from tests.bench.lines import Say, say
 from tests.drivers.twin import rig
 
 BAUDS = (9600, 115_200)
@@ -27,7 +27,6 @@ REPEATS = 5
 SENDING_S = 1.0
 WORKER = "+4915112345678"
 TEXT = "row 3 done: 41 fruit, 190 ml, 2 refused"
-Line_ = Callable[[str, str, str], None]
 
 
 @dataclass
@@ -104,7 +103,7 @@ def listing_of(text: str, sent_utc: datetime) -> bytes:
     return f"\r\n+CMGL: 1,0,,{octets}\r\n{pdu}\r\n\r\nOK\r\n".encode()
 
 
-def bench(line: Line_) -> None:
+def bench(line: Say) -> None:
     for baud in BAUDS:
         sent, received, asked = asyncio.run(measured(baud))
         for name, took in (("send to +CMGS", sent), ("+CMTI to handed over", received), ("status", asked)):
@@ -116,9 +115,6 @@ def bench(line: Line_) -> None:
 
 
 def main() -> None:
-    def say(name: str, figures: str, goal: str = "") -> None:
-        sys.stdout.write(f"{name:<46}{figures}{'   goal ' + goal if goal else ''}\n")
-
     began_s = time.monotonic()
     bench(say)
     sys.stdout.write(f"{time.monotonic() - began_s:.0f} s\n")

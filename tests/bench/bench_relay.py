@@ -8,7 +8,6 @@ import statistics
 import sys
 import tempfile
 import time
-from collections.abc import Callable
 from pathlib import Path
 
 from drivers.emulation.reference_bus import ReferenceBus
@@ -19,6 +18,7 @@ from drivers.relay.modbus import ModbusRelay, RelaySettings
 from drivers.relay.values import Channel
 from drivers.serial_port import SerialPort
 from drivers.twin import TruthLog
+from tests.bench.lines import Say, say
 from tests.drivers.twin import rig
 
 BAUDS = (9600, 115200)
@@ -26,7 +26,6 @@ REPEATS = 25
 QUEUED = 12
 WIRED = {Channel.VALVE: 1, Channel.PUMP: 2}
 FLASH_BYTES, READ_BYTES, READ_ANSWER_BYTES, ALL_OFF_BYTES = 8, 8, 6, 10
-Line_ = Callable[[str, str, str], None]
 
 
 def measured(baud: int, folder: Path) -> tuple[list[float], list[float]]:
@@ -75,7 +74,7 @@ def measured(baud: int, folder: Path) -> tuple[list[float], list[float]]:
     return waited_s("coil_on", pulsed_s), waited_s("coil_off", stopped_s)
 
 
-def bench(line: Line_) -> None:
+def bench(line: Say) -> None:
     """One line a figure, through ``line(name, figures, goal)``."""
     with tempfile.TemporaryDirectory() as folder:
         for baud in BAUDS:
@@ -90,16 +89,13 @@ def bench(line: Line_) -> None:
             )  # fmt: skip
 
 
-def _tell(line: Line_, name: str, took_s: list[float], limit_s: float) -> None:
+def _tell(line: Say, name: str, took_s: list[float], limit_s: float) -> None:
     median_s, worst_s = statistics.median(took_s), max(took_s)
     figures = f"median {1e3 * median_s:6.2f} ms   worst {1e3 * worst_s:6.2f} ms   wire {1e3 * limit_s:6.2f} ms"
     line(name, figures, "<= 150 ms" if "stop" in name else "")
 
 
 def main() -> None:
-    def say(name: str, figures: str, goal: str = "") -> None:
-        sys.stdout.write(f"{name:<46}{figures}{'   goal ' + goal if goal else ''}\n")
-
     began_s = time.monotonic()
     bench(say)
     sys.stdout.write(f"{time.monotonic() - began_s:.0f} s\n")

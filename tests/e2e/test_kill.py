@@ -17,7 +17,8 @@ from .rover_process import begin, finish, load, short_row, wait_for_line, wait_f
 
 SPEED = "14"
 VALVE_LAG_S = 0.06  # closing latency and its deviation, on top of the board's timer
-MOMENTS = range(20)
+QUICK = 6
+MOMENTS = [pytest.param(n, marks=[pytest.mark.long] if n >= QUICK else []) for n in range(20)]
 OPENING = '"device":"relay","verb":"pulse","args":{"channel":"valve"'
 
 

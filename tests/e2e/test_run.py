@@ -279,6 +279,7 @@ def test_a_shot_cut_by_a_kill_is_reported_booked_in_full_and_never_repeated(
     ]
 
 
+@pytest.mark.long
 def test_a_resumed_row_can_be_killed_and_resumed_again(tmp_path: Path) -> None:
     config, out = long_shots(tmp_path), tmp_path / "out"
     stop_in_mid_row(config, out, signal.SIGTERM, 1)

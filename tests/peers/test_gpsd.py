@@ -26,6 +26,8 @@ from drivers.twin import Twin
 from drivers.twin import commands as c
 from tests.drivers.twin import rig
 
+pytestmark = pytest.mark.peer
+
 BAUD = 115_200
 LONGEST_S = 60.0
 needs_gpsd = pytest.mark.skipif(

@@ -19,6 +19,8 @@ from drivers.twin import Twin
 from drivers.twin import commands as c
 from tests.drivers.twin import rig
 
+pytestmark = pytest.mark.peer
+
 BAUD = 115_200
 LONGEST_S = 120.0
 WORKER, PHONE = "+4915112345678", "+491700000000"

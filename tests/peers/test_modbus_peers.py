@@ -25,6 +25,8 @@ from drivers.serial_port import SerialPort
 from tests.drivers.relay.boards import Recorder
 from tests.drivers.twin import rig
 
+pytestmark = pytest.mark.peer
+
 BAUD = 115200
 WIRED = {Channel.VALVE: 1, Channel.PUMP: 2, Channel.LAMP: 3}
 

@@ -11,6 +11,8 @@ import pytest
 
 from tests.drivers.arm.served import served
 
+pytestmark = pytest.mark.peer
+
 rustypot = pytest.importorskip("rustypot", reason="rustypot is not installed: pip install rustypot")
 
 IDS = [1, 2, 3, 4, 5, 6, 7, 8]

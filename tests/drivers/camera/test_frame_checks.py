@@ -46,6 +46,7 @@ def can_be_judged(taken: Taken) -> bool:
 
 
 @pytest.mark.parametrize("source", [scenes, streamed])
+@pytest.mark.long
 def test_no_scene_in_any_light_raises_an_alarm(source) -> None:
     watch = FrameWatch(calibration())
     alarms = [f"{taken.what}: {finding.found}" for taken in source() if (finding := watch.look(taken.frame))]
@@ -138,6 +139,7 @@ def matches_of(taken: Taken):
     [((1.0, 0.0, 0.0), "pitch_rad"), ((-1.0, 0.0, 0.0), "pitch_rad"), ((0.0, 0.0, 1.0), "roll_rad"),
      ((0.0, 1.0, 0.0), "yaw_rad"), ((2.0, 0.0, 0.0), "pitch_rad")],
 )  # fmt: skip
+@pytest.mark.long
 def test_a_lens_knocked_by_a_degree_is_found_and_its_turn_told(turned_deg, axis: str) -> None:
     """F54: within 30 pairs."""
     watch = FrameWatch(calibration())

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import pytest
+
 from tests.bench.bench_gps import FLOOD_BYTES_S, FLOOD_S, flooded
 
 
+@pytest.mark.long
 def test_a_receiver_is_heard_in_a_flood_of_noise_at_bounded_cost() -> None:
     """F62. The bound is loose for the sake of busy machines; the bench gives the figure."""
     cost = flooded(FLOOD_BYTES_S)

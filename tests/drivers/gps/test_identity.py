@@ -206,6 +206,7 @@ def test_a_receiver_that_comes_back_is_read_on(link: Path) -> None:
     run(lambda: Talker(link, burst), test)
 
 
+@pytest.mark.long
 def test_a_receiver_that_loses_its_positions_garbles_or_falls_silent_is_told_apart(link: Path) -> None:
     states: dict[str, Callable[[int], bytes]] = {
         "others": lambda number: sentence("GNTXT,01,01,02,hello"),

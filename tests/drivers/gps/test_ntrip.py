@@ -314,6 +314,7 @@ def test_pauses_grow_to_a_minute_and_shrink_after_a_success(monkeypatch: pytest.
     assert len({round(pause_s / min(60.0, 2.0**n), 6) for n, pause_s in enumerate(pauses[:12])}) > 6, "no jitter"
 
 
+@pytest.mark.long
 def test_a_receiver_on_a_caster_comes_to_a_fixed_solution_and_loses_it_with_the_caster() -> None:
     """Driver, client, caster and emulated receiver together."""
 

@@ -215,6 +215,7 @@ def test_closing_while_the_network_takes_its_time_ends_the_sending() -> None:
     run(test)
 
 
+@pytest.mark.long
 def test_a_status_while_a_text_is_sent_bears_its_own_stamp() -> None:
     async def test(bench: Rig) -> None:
         await bench.device.status()

@@ -226,6 +226,7 @@ def test_a_restart_without_a_word_shows_by_its_echo() -> None:
     run(test)
 
 
+@pytest.mark.long
 def test_a_network_that_stays_away_leads_up_the_ladder() -> None:
     async def test(bench: Rig) -> None:
         bench.network(False)
@@ -259,6 +260,7 @@ def test_a_radio_that_has_lost_itself_is_found_by_the_reset() -> None:
     run(test)
 
 
+@pytest.mark.long
 def test_a_hung_modem_is_switched_off_and_on() -> None:
     async def test(bench: Rig) -> None:
         bench.emulator.hung = True
@@ -289,6 +291,7 @@ def test_a_lost_answer_does_not_shift_the_answers_after_it() -> None:
     run(test, "modem:intermittent@2s", settings=GsmSettings(answer_timeout_s=0.2, poll_s=1000.0))
 
 
+@pytest.mark.long
 def test_a_slow_modem_is_waited_for() -> None:
     async def test(bench: Rig) -> None:
         assert (await bench.device.status()).registered
