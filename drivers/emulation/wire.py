@@ -1,4 +1,7 @@
-"""A serial wire that ends in a pseudo terminal: bytes take their time at the baud rate, a plug can be pulled."""
+"""A serial wire that ends in a pseudo terminal: bytes take their time at the baud rate, a plug can be pulled.
+
+A pseudo terminal passes bytes at any rate; here a host whose rate is not the device's is misheard and mishears.
+"""
 
 from __future__ import annotations
 
@@ -12,6 +15,8 @@ import tty
 from collections.abc import Callable
 from pathlib import Path
 
+from drivers.emulation.uart import host_baud, misheard, set_host_baud
+
 READ_BYTES = 4096
 
 
@@ -20,11 +25,15 @@ class PtyWire:
 
     ``receive`` gets what the host wrote once its last bit has passed the wire; ``send`` gives bytes to the host when
     theirs has. ``link`` is a stable name that is made to point to the terminal while the wire is plugged in.
-    Bytes for a host that does not read are lost, as on a real wire.
+    Bytes for a host that does not read are lost, as on a real wire. A host that sets no rate has the device's.
+    ``any_baud``: what is at the end finds the host's rate, or sees to rates itself.
     """
 
-    def __init__(self, baud: int, receive: Callable[[bytes], None], link: Path | None = None) -> None:
+    def __init__(
+        self, baud: int, receive: Callable[[bytes], None], link: Path | None = None, any_baud: bool = False
+    ) -> None:
         self.baud = baud
+        self._any_baud = any_baud
         self._receive, self._link = receive, link
         self._loop = asyncio.get_running_loop()
         self._master = self._slave = -1
@@ -37,6 +46,11 @@ class PtyWire:
     def byte_s(self) -> float:
         """How long a byte takes (8N1)."""
         return 10.0 / self.baud
+
+    @property
+    def host_baud(self) -> int:
+        """The rate that the host has set."""
+        return (host_baud(self._slave) if self.plugged else 0) or self.baud
 
     @property
     def plugged(self) -> bool:
@@ -55,6 +69,7 @@ class PtyWire:
             return
         self._master, self._slave = os.openpty()
         tty.setraw(self._slave)
+        set_host_baud(self._slave, self.baud)
         os.set_blocking(self._master, False)
         self.path = os.ttyname(self._slave)
         if self._link is not None:
@@ -78,7 +93,7 @@ class PtyWire:
             self._link.unlink(missing_ok=True)
 
     def send(self, data: bytes, delay_s: float = 0.0) -> None:
-        """Give ``data`` to the host: it begins ``delay_s`` from now or after what is under way, and is there as a whole."""
+        """Give ``data`` to the host as a whole: it begins ``delay_s`` from now, or after what is under way."""
         self._said_s = max(self._loop.time() + delay_s, self._said_s) + len(data) * self.byte_s
         self._loop.call_at(self._said_s, self._write, data, self._plugging)
 
@@ -91,16 +106,20 @@ class PtyWire:
             if error.errno == errno.EIO:  # nobody has the other end open; the slave that is kept makes this rare
                 return
             raise
-        self._heard_s = max(self._loop.time(), self._heard_s) + len(data) * self.byte_s
-        self._loop.call_at(self._heard_s, self._arrive, data, self._plugging)
+        host = self.host_baud
+        self._heard_s = max(self._loop.time(), self._heard_s) + len(data) * 10.0 / host
+        heard = data if self._any_baud else misheard(data, host, self.baud)
+        self._loop.call_at(self._heard_s, self._arrive, heard, self._plugging)
 
     def _arrive(self, data: bytes, plugging: int) -> None:
-        if plugging == self._plugging:
+        if data and plugging == self._plugging:
             self._receive(data)
 
     def _write(self, data: bytes, plugging: int) -> None:
         if plugging != self._plugging or not self.plugged:
             return
+        if not self._any_baud:
+            data = misheard(data, self.baud, self.host_baud)
         try:
             written = os.write(self._master, data)
         except BlockingIOError:

@@ -122,8 +122,8 @@ class EmulatedRover:
             self._twin.advance(self._clock())
             await asyncio.sleep(LOOK_S)
 
-    def _wire(self, device: str, baud: int, receive: Callable[[bytes], None]) -> PtyWire:
-        wire = PtyWire(baud, receive, None if self._links is None else self._links / device)
+    def _wire(self, device: str, baud: int, receive: Callable[[bytes], None], any_baud: bool = False) -> PtyWire:
+        wire = PtyWire(baud, receive, None if self._links is None else self._links / device, any_baud)
         self._wires[device] = wire
         wire.plug()
         return wire
@@ -136,8 +136,10 @@ class EmulatedRover:
         if not isinstance(section, DynamixelArmSection):
             raise _no_emulator("arm", section.backend)
         joints = servo_joints(section, self._arm_model)
-        emulator = DynamixelEmulator(self._twin, self._clock, joints, baud=section.baud, cold=True)
-        wire = self._wire("arm", section.baud, emulator.receive)
+        emulator = DynamixelEmulator(
+            self._twin, self._clock, joints, baud=section.baud, cold=True, host_baud=lambda: wire.host_baud
+        )
+        wire = self._wire("arm", section.baud, emulator.receive, any_baud=True)
         emulator.connect(self._line("arm", wire))
         self.lives.append(emulator.serve)
         return wire.path
@@ -188,7 +190,7 @@ class EmulatedRover:
         if not isinstance(section, GsmModemSection):
             raise _no_emulator("modem", section.backend)
         emulator = ModemEmulator(self._twin, self._clock)
-        wire = self._wire("modem", section.baud, emulator.receive)
+        wire = self._wire("modem", section.baud, emulator.receive, any_baud=True)
         emulator.connect(self._line("modem", wire))
         self.lives.append(emulator.serve)
         return wire.path
