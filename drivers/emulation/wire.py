@@ -1,6 +1,6 @@
 """A serial wire that ends in a pseudo terminal: bytes take their time at the baud rate, a plug can be pulled.
 
-A pseudo terminal passes bytes at any rate; here a host whose rate is not the device's is misheard and mishears.
+A pseudo terminal passes bytes at any rate, and some hosts count on that; a ``strict_baud`` wire is like a real one.
 """
 
 from __future__ import annotations
@@ -26,14 +26,14 @@ class PtyWire:
     ``receive`` gets what the host wrote once its last bit has passed the wire; ``send`` gives bytes to the host when
     theirs has. ``link`` is a stable name that is made to point to the terminal while the wire is plugged in.
     Bytes for a host that does not read are lost, as on a real wire. A host that sets no rate has the device's.
-    ``any_baud``: what is at the end finds the host's rate, or sees to rates itself.
+    ``strict_baud``: a host at another rate is misheard and mishears.
     """
 
     def __init__(
-        self, baud: int, receive: Callable[[bytes], None], link: Path | None = None, any_baud: bool = False
+        self, baud: int, receive: Callable[[bytes], None], link: Path | None = None, strict_baud: bool = False
     ) -> None:
         self.baud = baud
-        self._any_baud = any_baud
+        self._strict_baud = strict_baud
         self._receive, self._link = receive, link
         self._loop = asyncio.get_running_loop()
         self._master = self._slave = -1
@@ -106,9 +106,9 @@ class PtyWire:
             if error.errno == errno.EIO:  # nobody has the other end open; the slave that is kept makes this rare
                 return
             raise
-        host = self.host_baud
+        host = self.host_baud if self._strict_baud else self.baud
         self._heard_s = max(self._loop.time(), self._heard_s) + len(data) * 10.0 / host
-        heard = data if self._any_baud else misheard(data, host, self.baud)
+        heard = misheard(data, host, self.baud)
         self._loop.call_at(self._heard_s, self._arrive, heard, self._plugging)
 
     def _arrive(self, data: bytes, plugging: int) -> None:
@@ -118,7 +118,7 @@ class PtyWire:
     def _write(self, data: bytes, plugging: int) -> None:
         if plugging != self._plugging or not self.plugged:
             return
-        if not self._any_baud:
+        if self._strict_baud:
             data = misheard(data, self.baud, self.host_baud)
         try:
             written = os.write(self._master, data)

@@ -6,7 +6,7 @@ import asyncio
 import json
 import os
 import sys
-from contextlib import suppress
+from contextlib import AbstractAsyncContextManager, suppress
 from pathlib import Path
 from typing import Annotated
 
@@ -14,10 +14,8 @@ import typer
 from rich.console import Console
 from rich.table import Table
 
-from drivers.twin.faults import FaultPlan
 from robot.clock import RealClockLoop, keep_time
 from robot.commands.run import FaultOption, SeedOption, load_with_seed
-from robot.config import Config
 from robot.errors import UsageError
 from robot.package_files import config_file
 from robot.runtime.devices import fault_plan
@@ -43,6 +41,9 @@ def emulate(
     ] = None,
     truth: Annotated[Path | None, typer.Option("--truth", help="Where the simulation writes what happened.")] = None,
     seed: SeedOption = None,
+    strict_baud: Annotated[
+        bool, typer.Option("--strict-baud", help="Mishear hosts at another baud rate, as real wires do.")
+    ] = False,
     zero: Annotated[float | None, typer.Option("--zero", hidden=True, help="When the clock shows 0.")] = None,
     with_parent: Annotated[
         bool, typer.Option("--with-parent", hidden=True, help="End soon after the process that started this one.")
@@ -56,16 +57,16 @@ def emulate(
     plan = fault_plan(fault or ())
     signals = StopSignals().install()
     with asyncio.Runner(loop_factory=lambda: RealClockLoop(zero, precise=True)) as runner:
-        runner.run(_serve(settings, config_file(config), devices, plan, links, truth, as_json, with_parent, signals))
+        rover = emulated_rover(settings, config_file(config), devices, plan, links, truth, strict_baud)
+        runner.run(_serve(rover, as_json, with_parent, signals))
     return 0
 
 
 async def _serve(
-    config: Config, path: Path, devices: frozenset[str], plan: FaultPlan, links: Path | None, truth: Path | None,
-    as_json: bool, with_parent: bool, signals: StopSignals,
-) -> None:  # fmt: skip
+    rover: AbstractAsyncContextManager[dict[str, str]], as_json: bool, with_parent: bool, signals: StopSignals
+) -> None:
     parent = os.getppid()
-    async with emulated_rover(config, path, devices, plan, links, truth) as ports:
+    async with rover as ports:
         keep_time()
         with suppress(PermissionError):  # a machine does not wait for the computer: this thread goes first, if it may
             os.setpriority(os.PRIO_PROCESS, 0, PRIORITY)

@@ -47,18 +47,20 @@ LOOK_S = 0.02  # how often plugs and the clock of the machine are seen to
 
 @asynccontextmanager
 async def emulated_rover(
-    config: Config, path: Path, devices: frozenset[str], plan: FaultPlan, links: Path | None, truth: Path | None
-) -> AsyncIterator[dict[str, str]]:
+    config: Config, path: Path, devices: frozenset[str], plan: FaultPlan, links: Path | None, truth: Path | None,
+    strict_baud: bool = False,
+) -> AsyncIterator[dict[str, str]]:  # fmt: skip
     """Serve ``devices`` of the configured machine; gives their ports (device -> terminal or address).
 
     ``links`` is a folder for names that outlive an unplugging. The twin's clock is the running loop's. The servos
-    begin without torque, as after power-on.
+    begin without torque, as after power-on. ``strict_baud``: a host at another rate than the device's is misheard; only
+    the modem finds any rate by itself.
     """
     arm_model, urdf_text = load_arm(config, path)
     twin = make_twin(config, load_row(config, path), load_camera(config, path), urdf_text, truth, plan)
     try:
         twin.warm_up()
-        rover = EmulatedRover(config, arm_model, twin, asyncio.get_running_loop().time, links)
+        rover = EmulatedRover(config, arm_model, twin, asyncio.get_running_loop().time, links, strict_baud)
         async with asyncio.TaskGroup() as group:
             ports: dict[str, str] = {}
             for device in DEVICES:
@@ -84,9 +86,11 @@ class EmulatedRover:
     """
 
     def __init__(
-        self, config: Config, arm_model: ArmModel, twin: Twin, clock: Callable[[], float], links: Path | None
-    ) -> None:
+        self, config: Config, arm_model: ArmModel, twin: Twin, clock: Callable[[], float], links: Path | None,
+        strict_baud: bool,
+    ) -> None:  # fmt: skip
         self._config, self._arm_model, self._twin, self._clock, self._links = config, arm_model, twin, clock, links
+        self._strict_baud = strict_baud
         self._wires: dict[str, PtyWire] = {}
         self._buses: dict[str, tuple[PtyWire, ModbusSlaves]] = {}
         self.lives: list[Callable[[], Coroutine[Any, Any, None]]] = [self._mind]
@@ -114,8 +118,10 @@ class EmulatedRover:
     async def _mind(self) -> None:
         """Pull and push plugs as the faults say, and let the machine go on when nobody asks it anything."""
         while True:
-            for device, wire in self._wires.items():
-                if self._twin.verb(device, self._clock()) is Verb.UNPLUGGED:
+            now_s = self._clock()
+            pulled = {wire for name, wire in self._wires.items() if self._twin.verb(name, now_s) is Verb.UNPLUGGED}
+            for wire in self._wires.values():
+                if wire in pulled:  # with all that is on it
                     wire.unplug()
                 else:
                     wire.plug()
@@ -123,7 +129,8 @@ class EmulatedRover:
             await asyncio.sleep(LOOK_S)
 
     def _wire(self, device: str, baud: int, receive: Callable[[bytes], None], any_baud: bool = False) -> PtyWire:
-        wire = PtyWire(baud, receive, None if self._links is None else self._links / device, any_baud)
+        link = None if self._links is None else self._links / device
+        wire = PtyWire(baud, receive, link, self._strict_baud and not any_baud)
         self._wires[device] = wire
         wire.plug()
         return wire
@@ -137,8 +144,9 @@ class EmulatedRover:
             raise _no_emulator("arm", section.backend)
         joints = servo_joints(section, self._arm_model)
         emulator = DynamixelEmulator(
-            self._twin, self._clock, joints, baud=section.baud, cold=True, host_baud=lambda: wire.host_baud
-        )
+            self._twin, self._clock, joints, baud=section.baud, cold=True,
+            host_baud=lambda: wire.host_baud if self._strict_baud else None,
+        )  # fmt: skip
         wire = self._wire("arm", section.baud, emulator.receive, any_baud=True)
         emulator.connect(self._line("arm", wire))
         self.lives.append(emulator.serve)

@@ -81,7 +81,7 @@ def on_bus(
 
         folder = tempfile.TemporaryDirectory()
         link = Path(folder.name) / "arm"
-        wire = PtyWire(BAUD, receive, link, any_baud=True)
+        wire = PtyWire(BAUD, receive, link)
         paths.append(wire)
         servos.connect(BadLine("arm", twin, loop.time, wire.send, wire.byte_s))
         wire.plug()
