@@ -38,7 +38,7 @@ def port_findings(device: str, path: str, root: Path = Path("/")) -> Iterator[Fi
                       "add the user to the group dialout and sign in again", UnavailableError.exit_code)  # fmt: skip
     yield _holder(device, path)
     if not real.startswith("/dev/pts/"):
-        yield from _adapter(device, os.path.basename(real), mode.st_rdev, root)
+        yield from adapter_findings(device, os.path.basename(real), mode.st_rdev, root)
 
 
 def _name(device: str, path: str, real: str) -> Finding:
@@ -56,7 +56,7 @@ def _holder(device: str, path: str) -> Finding:
                    BusyError.exit_code)  # fmt: skip
 
 
-def _adapter(device: str, name: str, rdev: int, root: Path) -> Iterator[Finding]:
+def adapter_findings(device: str, name: str, rdev: int, root: Path) -> Iterator[Finding]:
     timer = root / "sys/bus/usb-serial/devices" / name / "latency_timer"
     if timer.exists():
         latency_ms = int(timer.read_text(encoding="ascii").strip())
