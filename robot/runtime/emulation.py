@@ -18,6 +18,7 @@ from drivers.gps.base_station import BaseStation
 from drivers.gps.caster import Caster, CasterSettings
 from drivers.gps.emulator import EmulatedReceiver, GpsEmulator
 from drivers.inputs.emulator import EmulatedInputs
+from drivers.modem.emulated_sim import EmulatedSim
 from drivers.modem.emulator import ModemEmulator
 from drivers.relay.emulator import emulated_board
 from drivers.relay.values import Channel
@@ -197,7 +198,8 @@ class EmulatedRover:
         section = self._config.modem
         if not isinstance(section, GsmModemSection):
             raise _no_emulator("modem", section.backend)
-        emulator = ModemEmulator(self._twin, self._clock)
+        sim = EmulatedSim(pin=section.pin.get_secret_value() if section.pin else None)
+        emulator = ModemEmulator(self._twin, self._clock, sim)
         wire = self._wire("modem", section.baud, emulator.receive, any_baud=True)
         emulator.connect(self._line("modem", wire))
         self.lives.append(emulator.serve)

@@ -22,7 +22,7 @@ ROOT = Path(__file__).parents[3]
 
 @contextmanager
 def served(baud: int = 1_000_000, *options: str) -> Iterator[str]:
-    """The path of their port. Options: "six" (one servo a joint), "cold" (no torque)."""
+    """The path of their port. Options: "six" (one servo a joint), "cold" (no torque), "twice" (two with the id 3)."""
     command = [sys.executable, "-m", "tests.drivers.arm.served", str(baud), *options]
     process = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True, cwd=ROOT)
     try:
@@ -50,6 +50,8 @@ async def _serve(baud: int, options: list[str]) -> None:
     twin = rig.twin()
     joints = six_joints(twin) if "six" in options else None
     emulator = DynamixelEmulator(twin, clock, joints, baud=baud, cold="cold" in options)
+    if "twice" in options:
+        emulator.add_twin_of(3)
     wire = PtyWire(baud, emulator.receive)
     emulator.connect(BadLine("arm", twin, clock, wire.send, wire.byte_s))
     wire.plug()
