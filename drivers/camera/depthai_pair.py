@@ -28,6 +28,7 @@ _LEFT, _RIGHT = "left", "right"
 def load() -> Any:
     """The library, silent and without its telemetry. ``DeviceMissing`` when it is not installed."""
     os.environ["DEPTHAI_TELEMETRY"] = "0"
+    os.environ["DEPTHAI_INSTALL_SIGNAL_HANDLER"] = "0"  # it would end the process on a full disk (SIGXFSZ) and the like
     os.environ["DEPTHAI_SEARCH_TIMEOUT"] = _SEARCH_MS
     os.environ.setdefault("DEPTHAI_LEVEL", "off")
     try:
