@@ -70,7 +70,8 @@ class Receiver:
         north += x * math.cos(bearing) + y * math.sin(bearing)
         latitude, longitude = self._geodetic(float(east), float(north))
         speed = abs(speed_m_s + float(rng.normal(0.0, SPEED_NOISE_M_S)))
-        course = (bearing - heading + (math.pi if speed_m_s < 0.0 else 0.0) + float(rng.normal(0.0, COURSE_NOISE_RAD))) % math.tau
+        backwards_rad = math.pi if speed_m_s < 0.0 else 0.0
+        course = (bearing - heading + backwards_rad + float(rng.normal(0.0, COURSE_NOISE_RAD))) % math.tau
         points = self._nominal.gps_two_antennas and self.quality is FixQuality.RTK_FIXED
         return Fix(
             stamp_s=stamp_s,
