@@ -35,7 +35,7 @@ from robot.doctor.ports import port_findings
 from robot.errors import UsageError
 from robot.package_files import config_file, named_file
 from robot.runtime import EmulatorOptions, emulator_process
-from robot.runtime.backends import BuildOptions, build_devices, needs_twin
+from robot.runtime.backends import BuildOptions, build_devices, needs_twin, watched
 from robot.runtime.devices import Devices, make_twin
 from robot.runtime.settings import load_arm, load_camera, load_row
 
@@ -78,13 +78,13 @@ async def _examine(config: Config, options: BuildOptions) -> list[Finding]:
     findings = [clock_finding(now, clock_synchronised()), disk_finding(config.robot.run_directory)]
     findings += calibration_findings(named_file(config.camera.calibration, options.config_path), now)
     arm_model, urdf_text = load_arm(config, options.config_path)
+    rig = load_camera(config, options.config_path)
     async with AsyncExitStack() as stack:
         twin = None
         if needs_twin(config):
-            row, rig = load_row(config, options.config_path), load_camera(config, options.config_path)
-            twin = make_twin(config, row, rig, urdf_text, None)
+            twin = make_twin(config, load_row(config, options.config_path), rig, urdf_text, None)
         clock = asyncio.get_running_loop().time
-        devices = build_devices(config, arm_model, twin, clock, options, stack)
+        devices = watched(build_devices(config, arm_model, twin, clock, options, stack), rig, clock)
         seen: set[str] = set()
         for name in ("relay", "inputs", "wheels", "arm", "camera", "gps", "modem"):
             port = options.ports.get(name) or getattr(getattr(config, name), "port", None)

@@ -19,6 +19,7 @@ from drivers.modem.interface import Modem
 from drivers.relay.interface import RelayBoard
 from drivers.relay.values import refusal_for_automatic
 from drivers.wheels.interface import Wheels
+from robot.doctor.health import MotorWheels, ServoArm, motor_findings, servo_findings
 from robot.doctor.values import Finding, failure, fine, of_device_error, warning
 from robot.errors import UnavailableError
 from robot.safety.timing import ARM_STALE_S, ODOMETRY_STALE_S, RELAY_STALE_S, SENSORS_STALE_S, TILT_MAX_RAD
@@ -126,6 +127,9 @@ async def look_at_arm(arm: Arm) -> AsyncIterator[Finding]:
         if error:
             yield failure("arm", name, f"hardware error 0x{error:02x}", "none", "let it cool, free it, restart it",
                           UnavailableError.exit_code)  # fmt: skip
+    if isinstance(arm, ServoArm):
+        async for finding in servo_findings(arm):
+            yield finding
 
 
 async def look_at_wheels(wheels: Wheels) -> AsyncIterator[Finding]:
@@ -134,6 +138,9 @@ async def look_at_wheels(wheels: Wheels) -> AsyncIterator[Finding]:
     yield _age("wheels", odometry.stamp_s, ODOMETRY_STALE_S)
     yield fine("wheels", "counters", f"{odometry.left_m:.3f} m left, {odometry.right_m:.3f} m right")
     yield fine("wheels", "own time-out", f"{wheels.command_timeout_s:g} s")
+    if isinstance(wheels, MotorWheels):
+        async for finding in motor_findings(wheels):
+            yield finding
 
 
 async def look_at_gps(gps: Gps, simulated: bool) -> AsyncIterator[Finding]:

@@ -57,6 +57,9 @@ def _holder(device: str, path: str) -> Finding:
 
 
 def adapter_findings(device: str, name: str, rdev: int, root: Path) -> Iterator[Finding]:
+    """What sysfs, udev and the running processes say of a serial adapter."""
+    for process in _users(f"/dev/{name}", root):
+        yield warning(device, "open in", process, "this program alone", "stop it: two readers share what comes in")
     timer = root / "sys/bus/usb-serial/devices" / name / "latency_timer"
     if timer.exists():
         latency_ms = int(timer.read_text(encoding="ascii").strip())
@@ -76,6 +79,18 @@ def adapter_findings(device: str, name: str, rdev: int, root: Path) -> Iterator[
                       "apt remove brltty")  # fmt: skip
     else:
         yield fine(device, "left alone", "nobody probes it")
+
+
+def _users(path: str, root: Path) -> Iterator[str]:
+    """Other processes that have the port open, whether they lock it or not; without root one sees one's own only."""
+    for folder in (root / "proc").glob("[0-9]*"):
+        if folder.name == str(os.getpid()):
+            continue
+        try:
+            if any(os.readlink(link) == path for link in (folder / "fd").iterdir()):
+                yield f"process {folder.name} ({(folder / 'comm').read_text(errors='replace').strip()})"
+        except OSError:
+            continue  # it has ended meanwhile, or is another user's
 
 
 def _commands(root: Path) -> Iterator[str]:

@@ -6,6 +6,7 @@ import json
 import os
 import signal
 import subprocess
+import sys
 import threading
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
@@ -62,6 +63,25 @@ def emulator(*arguments: str, env: Mapping[str, str] | None = None, config: Path
         if rover.process.poll() is None:
             rover.process.terminate()
         rover.process.communicate(timeout=DOWN_S)
+
+
+_HOLD = (
+    "import sys; from drivers.line import Line, PortSettings;"
+    "line = Line(PortSettings(sys.argv[1], 'x', 115200, 'raw'), lambda direction, data: None);"
+    "print(flush=True); sys.stdin.read()"
+)
+
+
+@contextmanager
+def held(port: str) -> Iterator[int]:
+    """Another process, whose number is given, holds the port."""
+    process = subprocess.Popen([sys.executable, "-c", _HOLD, port], stdin=subprocess.PIPE, stdout=subprocess.PIPE)
+    assert process.stdout is not None
+    assert process.stdout.readline() == b"\n"
+    try:
+        yield process.pid
+    finally:
+        process.communicate(timeout=DOWN_S)
 
 
 def variables(ports: Mapping[str, str]) -> dict[str, str]:

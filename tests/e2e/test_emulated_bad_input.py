@@ -21,7 +21,7 @@ from drivers.relay.modbus import ModbusRelay
 from drivers.wheels.zlac8015d import Zlac8015dWheels
 from tests.drivers.arm.served import served
 
-from .emulated import EMULATED, Emulated, emulator, motions_in, orders_in, run_until, variables, written
+from .emulated import EMULATED, Emulated, emulator, held, motions_in, orders_in, run_until, variables, written
 from .rover_process import SPRAYER
 
 UNAVAILABLE, BUSY, CONFIG = 69, 75, 78
@@ -151,28 +151,14 @@ def test_a_camera_that_is_not_there_is_named(robot: Robot, right: tuple[Emulated
     robot.require_refused("camera", "http://127.0.0.1:9/stream")
 
 
-HOLD = (
-    "import sys, time; from drivers.line import Line, PortSettings;"
-    "line = Line(PortSettings(sys.argv[1], 'x', 115200, 'raw'), lambda direction, data: None);"
-    "print(flush=True); sys.stdin.read()"
-)
-
-
 @pytest.mark.parametrize("device", ["relay", "wheels", "arm", "gps", "modem"])
 def test_a_port_that_another_process_holds_is_named_with_the_process(
     robot: Robot, right: tuple[Emulated, Path], other: tuple[Emulated, Path], device: str
 ) -> None:
     port = other[0].ports[device]
-    holder = subprocess.Popen(
-        [sys.executable, "-c", HOLD, port], stdin=subprocess.PIPE, stdout=subprocess.PIPE, env=os.environ
-    )
-    assert holder.stdout is not None
-    assert holder.stdout.readline() == b"\n"
-    try:
+    with held(port) as process:
         assert robot.come_up(right[0].ports | {device: port}) == BUSY
-    finally:
-        holder.communicate()
-    robot.require_refused(device, port, f"process {holder.pid} (", "stop that process first")
+    robot.require_refused(device, port, f"process {process} (", "stop that process first")
     assert written(robot.trace / f"{device}.trace.jsonl") == b""
 
 
