@@ -5,7 +5,10 @@ from __future__ import annotations
 import asyncio
 import functools
 import multiprocessing
+import os
 import pickle
+import signal
+import threading
 from collections.abc import Callable
 from concurrent.futures import Executor, ProcessPoolExecutor, ThreadPoolExecutor
 from dataclasses import dataclass
@@ -100,17 +103,33 @@ class InProcess:
 
 
 class WorkerProcess:
-    """Renders in a process that grows the same greenhouse; it starts with the first order and ends with ``close``."""
+    """Renders in a process that grows the same greenhouse.
+
+    It starts with the first order and ends with ``close``, or with the process that it works for.
+    """
 
     def __init__(self, scene: Scene, optics: StereoOptics, seed: int) -> None:
         self._recipe = pickle.dumps((scene, optics, seed))
-        self._worker: Executor = ProcessPoolExecutor(1, multiprocessing.get_context("spawn"))
+        self._worker: Executor = ProcessPoolExecutor(1, multiprocessing.get_context("spawn"), initializer=_serve_parent)
 
     async def develop(self, order: Order) -> Developed:
         return await asyncio.get_running_loop().run_in_executor(self._worker, _develop_there, self._recipe, order)
 
     def close(self) -> None:
         self._worker.shutdown(wait=True, cancel_futures=True)
+
+
+def _serve_parent() -> None:
+    """In the worker: Ctrl-C is its parent's to hear, and once the parent is killed it has nobody to work for."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    parent = multiprocessing.parent_process()
+    assert parent is not None
+
+    def end_with_parent() -> None:
+        parent.join()
+        os._exit(0)
+
+    threading.Thread(target=end_with_parent, name="parent watch", daemon=True).start()
 
 
 def _develop_there(recipe: bytes, order: Order) -> Developed:

@@ -62,20 +62,22 @@ async def emulated_rover(
     try:
         twin.warm_up()
         rover = EmulatedRover(config, arm_model, twin, asyncio.get_running_loop().time, links, strict_baud)
-        async with asyncio.TaskGroup() as group:
+        try:
             ports: dict[str, str] = {}
             for device in DEVICES:
                 if device in devices:
                     ports |= await rover.add(device)
-            lives = [group.create_task(life()) for life in rover.lives]
-            try:
-                yield ports
-            finally:
-                rover.unplug()
-                for life in lives:
-                    life.cancel()
-                for end in rover.ends:
-                    await end()
+            async with asyncio.TaskGroup() as group:
+                lives = [group.create_task(life()) for life in rover.lives]
+                try:
+                    yield ports
+                finally:
+                    for life in lives:
+                        life.cancel()
+        finally:
+            rover.unplug()
+            for end in rover.ends:
+                await end()
     finally:
         twin.close_truth()
 

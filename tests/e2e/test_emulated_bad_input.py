@@ -139,7 +139,7 @@ def robot(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.Captur
 # --- ports
 
 
-@pytest.mark.parametrize("device", ["relay", "inputs", "wheels", "arm", "gps", "modem"])
+@pytest.mark.parametrize("device", [*SERIAL, "inputs"])
 def test_a_port_that_is_not_there_is_named(robot: Robot, right: tuple[Emulated, Path], device: str) -> None:
     code = robot.come_up(right[0].ports | {device: "/dev/serial/by-id/usb-gone"})
     assert code == UNAVAILABLE
@@ -151,7 +151,9 @@ def test_a_camera_that_is_not_there_is_named(robot: Robot, right: tuple[Emulated
     robot.require_refused("camera", "http://127.0.0.1:9/stream")
 
 
-@pytest.mark.parametrize("device", ["relay", "wheels", "arm", "gps", "modem"])
+@pytest.mark.parametrize(
+    "device", ["relay", "arm", *(pytest.param(name, marks=pytest.mark.long) for name in ("wheels", "gps", "modem"))]
+)
 def test_a_port_that_another_process_holds_is_named_with_the_process(
     robot: Robot, right: tuple[Emulated, Path], other: tuple[Emulated, Path], device: str
 ) -> None:
