@@ -17,7 +17,7 @@ from .rover_process import begin, finish, load, short_row, wait_for_line, wait_f
 
 SPEED = "14"
 VALVE_LAG_S = 0.06  # closing latency and its deviation, on top of the board's timer
-QUICK = 6
+QUICK = 4
 MOMENTS = [pytest.param(n, marks=[pytest.mark.long] if n >= QUICK else []) for n in range(20)]
 OPENING = '"device":"relay","verb":"pulse","args":{"channel":"valve"'
 

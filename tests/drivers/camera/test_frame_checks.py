@@ -53,6 +53,7 @@ def test_no_scene_in_any_light_raises_an_alarm(source) -> None:
     assert alarms == []
 
 
+@pytest.mark.long
 def test_a_calibrated_pair_is_on_its_rows_to_a_fraction_of_a_pixel() -> None:
     watch = FrameWatch(calibration())
     for taken in scenes():

@@ -233,6 +233,7 @@ async def use_modem(modem: GsmModem) -> list[object]:
     return [status.sim_ready, status.registered, status.operator, status.signal_dbm, modem.model]
 
 
+@pytest.mark.long
 def test_a_session_of_the_modem_goes_the_same_way_again(tmp_path: Path) -> None:
     settings = GsmSettings(poll_s=600.0)
 

@@ -202,6 +202,7 @@ def test_a_pin_that_cannot_be_is_refused(pin: str) -> None:
 # --- restarts
 
 
+@pytest.mark.long
 def test_a_modem_that_restarts_by_itself_is_set_up_again() -> None:
     async def test(bench: Rig) -> None:
         bench.emulator.restart()
@@ -248,6 +249,7 @@ def test_a_network_that_stays_away_leads_up_the_ladder() -> None:
     run(test, settings=GsmSettings(poll_s=30.0, answer_timeout_s=2.0))
 
 
+@pytest.mark.long
 def test_a_radio_that_has_lost_itself_is_found_by_the_reset() -> None:
     async def test(bench: Rig) -> None:
         bench.emulator.radio_lost = True
