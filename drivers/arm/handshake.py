@@ -115,7 +115,7 @@ def _compare_identity(row: Identity, settings: DynamixelSettings) -> None:
 
 def _compare_settings(servos: ServoLine, row: Identity, settings: DynamixelSettings) -> None:
     table = row.expected.table
-    data = servos.read(row.servo_id, 0, EEPROM_BYTES)
+    data = servos.read_surely(row.servo_id, 0, EEPROM_BYTES)
     found = {
         name: register.decode(data[register.address : register.end])
         for name, register in table.registers.items()

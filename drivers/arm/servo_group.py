@@ -62,7 +62,7 @@ class ServoGroup:
     def _take_up(self, servos: ServoLine, row: Identity) -> None:
         """Greeted again, a servo whose watchdog is off has been without power meanwhile."""
         health, table = self.roster.health[row.servo_id], row.expected.table
-        raw = servos.read(row.servo_id, blocks.HEALTH_ADDRESS, blocks.HEALTH_BYTES)
+        raw = servos.read_surely(row.servo_id, blocks.HEALTH_ADDRESS, blocks.HEALTH_BYTES)
         condition = Condition.of(raw)
         self.roster.note({row.servo_id: raw})
         health.firmware = row.found.firmware if row.found else 0

@@ -26,6 +26,7 @@ from drivers.errors import DeviceError, DeviceFault, DeviceTimeout
 from drivers.line import Line
 
 DEVICE = "arm"
+SURE_TRIES = 3
 PATIENCE_S = 0.030  # beyond the bytes' own time: USB latency, the servo's return delay, a busy host
 QUIET_S = 0.003  # silence after which no late answer is expected any more
 _STATUS_BYTES = 11  # of a status packet without data
@@ -98,6 +99,15 @@ class ServoLine:
                     model = packet.data[1] | packet.data[2] << 8
                     found[packet.servo_id] = Pinged(packet.servo_id, model, packet.data[3])
         return tuple(found[servo_id] for servo_id in sorted(found))
+
+    def read_surely(self, servo_id: int, address: int, size: int) -> bytes:
+        """Like ``read``, at the second or third attempt if need be: for what is asked once only."""
+        for _ in range(SURE_TRIES - 1):
+            try:
+                return self.read(servo_id, address, size)
+            except DeviceTimeout:
+                continue
+        return self.read(servo_id, address, size)
 
     def read(self, servo_id: int, address: int, size: int) -> bytes:
         self._port.is_using = False
