@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable
 from contextlib import AsyncExitStack
 from pathlib import Path
@@ -33,11 +34,12 @@ class Ports:
 
     def modbus(self, settings: PortSettings, timeout_s: float) -> ModbusMaster:
         """The bus at a port, the same for every device that names it."""
-        bus = self._buses.get(settings.path)
+        place = _place(settings)
+        bus = self._buses.get(place)
         if bus is None:
-            bus = self._buses[settings.path] = ModbusMaster(self.serial(settings), timeout_s)
+            bus = self._buses[place] = ModbusMaster(self.serial(settings), timeout_s)
             return bus
-        first = self._taken[settings.path]
+        first = self._taken[place]
         ways = [f"{each.baud} 8{each.parity}{each.stop_bits}" for each in (first, settings)]
         if ways[0] != ways[1]:
             raise ConfigError(
@@ -61,9 +63,15 @@ class Ports:
         return trace
 
     def _claim(self, settings: PortSettings) -> None:
-        if settings.path in self._taken:
+        place = _place(settings)
+        if place in self._taken:
             raise ConfigError(
-                f"{settings.device} and {self._taken[settings.path].device} both name {settings.path}; "
+                f"{settings.device} and {self._taken[place].device} both name {settings.path}; "
                 "give each its own port (only Modbus devices can share one)"
             )
-        self._taken[settings.path] = settings
+        self._taken[place] = settings
+
+
+def _place(settings: PortSettings) -> str:
+    """One for all names of a device."""
+    return settings.path if settings.is_tcp else os.path.realpath(settings.path)
