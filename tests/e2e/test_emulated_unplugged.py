@@ -21,6 +21,7 @@ from drivers.relay.values import Channel
 from drivers.twin.aftermath import Aftermath, run_on
 from drivers.twin.commands import ArmGoal, RelayPulse, WheelsDrive
 from drivers.twin.truth_record import ProcessTruth, read_truth
+from robot.cli import run_command
 from robot.ledger import LedgerReader
 from robot.package_files import packaged
 
@@ -156,6 +157,16 @@ def test_what_moves_or_sprays_ends_in_a_safe_stop_and_does_not_go_on_when_it_is_
     assert f"{named}: expected " in run.causes
     assert run.asked_after(at_s + NOTICED_S) == []
     run.require_safe()
+
+
+@LONG
+def test_the_traces_of_a_stopped_mission_can_be_read(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    _, run = pull(tmp_path, "relay", AT_S, BLINK_S)
+    for device in ("arm", "gps", "modem", "relay", "wheels"):
+        assert run_command(["trace", str(run.folder / "trace" / f"{device}.trace.jsonl")]) == 0
+        lines = capsys.readouterr().out.splitlines()
+        assert lines[0].startswith(f"# {device} at ")
+        assert {line[14] for line in lines[1:]} >= {"<", ">"} - ({">"} if device == "gps" else set())
 
 
 @LONG
