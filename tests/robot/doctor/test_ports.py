@@ -12,13 +12,14 @@ from pathlib import Path
 
 import pytest
 
+from drivers import port_lock
 from robot.doctor import Finding, Level
 from robot.doctor.ports import adapter_findings, port_findings
 
 NOBODY = 65534
 USB = os.makedev(188, 0)
 AS_NOBODY = f"""
-import json, os, sys
+import encodings.ascii, json, os, sys  # what is imported later would have to be readable for nobody
 from dataclasses import asdict
 from robot.doctor.ports import port_findings
 os.setgroups([]); os.setgid({NOBODY}); os.setuid({NOBODY})
@@ -30,8 +31,13 @@ print(json.dumps([asdict(finding) for finding in port_findings("arm", sys.argv[1
 def terminal() -> Iterator[str]:
     master, slave = pty.openpty()
     yield os.ttyname(slave)
+    port_lock.lock_file(os.ttyname(slave)).unlink(missing_ok=True)
     os.close(master)
     os.close(slave)
+
+
+def a_dead_holder(path: str) -> None:
+    port_lock.lock_file(path).write_text(f"{99999999:10d}\n")
 
 
 def by_what(findings: Iterator[Finding]) -> dict[str, Finding]:
@@ -40,6 +46,7 @@ def by_what(findings: Iterator[Finding]) -> dict[str, Finding]:
 
 @pytest.mark.skipif(os.geteuid() != 0, reason="only root can become another user to try it")
 def test_a_port_that_the_user_may_not_open_fails_with_the_group_to_join(terminal: str) -> None:
+    a_dead_holder(terminal)
     os.chmod(terminal, 0o600)
     done = subprocess.run(
         [sys.executable, "-c", AS_NOBODY, terminal], capture_output=True, text=True, timeout=60, check=True
