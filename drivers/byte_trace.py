@@ -7,14 +7,19 @@ run's clock and ``dir`` "out" (from the host) or "in" (to the host). A torn last
 from __future__ import annotations
 
 import json
+import logging
 import threading
 from collections.abc import Iterator
+from contextlib import suppress
 from dataclasses import dataclass
 from io import BufferedWriter
 from pathlib import Path
 from typing import Literal
 
 Direction = Literal["out", "in"]
+
+FULL = b'{"note":"the trace is full"}\n'  # the last line of a trace that has grown too long
+_log = logging.getLogger(__name__)
 
 LONGEST_BYTES = 256 * 1024 * 1024
 
@@ -39,9 +44,13 @@ class Chunk:
 
 
 class ByteTrace:
-    """Appends chunks to a file; ends with a note when the file has grown to ``longest_bytes``."""
+    """Appends chunks to a file; ends with a note when the file has grown to ``longest_bytes``.
+
+    A disk that takes no more ends the trace with a warning in the log: the device goes on.
+    """
 
     def __init__(self, path: Path, head: TraceHead, longest_bytes: int = LONGEST_BYTES) -> None:
+        self._path = path
         self._file: BufferedWriter | None = path.open("wb")
         self._left = longest_bytes
         self._mutex = threading.Lock()
@@ -49,13 +58,21 @@ class ByteTrace:
 
     def keep(self, stamp_s: float, direction: Direction, data: bytes) -> None:
         with self._mutex:
-            self._write({"t": round(stamp_s, 6), "dir": direction, "hex": data.hex()})
+            try:
+                self._write({"t": round(stamp_s, 6), "dir": direction, "hex": data.hex()})
+            except OSError as error:
+                _log.warning("%s: the byte trace ends here: %s", self._path, error.strerror or error)
+                self._end()
 
     def close(self) -> None:
         with self._mutex:
-            if self._file is not None:
-                self._file.close()
-                self._file = None
+            self._end()
+
+    def _end(self) -> None:
+        file, self._file = self._file, None
+        if file is not None:
+            with suppress(OSError):  # what is still held back finds no room either, which is told already
+                file.close()
 
     def _write(self, line: dict[str, object]) -> None:
         if self._file is None:
@@ -63,9 +80,8 @@ class ByteTrace:
         data = json.dumps(line, separators=(",", ":")).encode() + b"\n"
         self._left -= len(data)
         if self._left < 0:
-            self._file.write(b'{"note":"the trace is full"}\n')
-            self._file.close()
-            self._file = None
+            self._file.write(FULL)
+            self._end()
             return
         self._file.write(data)
         self._file.flush()

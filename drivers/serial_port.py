@@ -22,7 +22,7 @@ from dataclasses import dataclass, field
 from typing import Any, TypeVar
 
 from drivers.byte_trace import ByteTrace, Direction
-from drivers.errors import DeviceError, DeviceLost
+from drivers.errors import DeviceError, DeviceFault, DeviceLost
 from drivers.line import Line, PortSettings
 
 T = TypeVar("T")
@@ -90,6 +90,7 @@ class SerialPort:
         self._thread: threading.Thread | None = None
         self._bell = -1
         self._line: Line | None = None
+        self._defect: BaseException | None = None
         self._lost_s = 0.0
         self._lost_because = ""
         self._retry_s = FIRST_RETRY_S
@@ -141,7 +142,9 @@ class SerialPort:
         return self._post(self._stops, job)
 
     def at(self, due_s: float, job: Callable[[Line], None]) -> Timer:
-        """Run a job in the owner thread at ``due_s`` of the clock. Its errors only lose the device, if it is gone."""
+        """Run a job in the owner thread at ``due_s`` of the clock. It sees to its own errors; one that it lets go is
+        raised to the next who calls ``run``.
+        """
         timer = Timer(due_s, next(self._numbers), job)
         with self._mutex:
             heapq.heappush(self._timers, timer)
@@ -168,9 +171,21 @@ class SerialPort:
             if self._line is None and not opens:
                 future.set_exception(self._gone())
                 return future
+            if self._defect is not None and lane is self._jobs:  # a stop goes through all the same
+                future.set_exception(self._take_defect(self._defect))
+                return future
             lane.append(_Job(job, future))
         self._ring()
         return future
+
+    def _take_defect(self, defect: BaseException) -> DeviceFault:
+        self._defect = None
+        fault = DeviceFault(
+            self.settings.device, "what runs by the clock to end well", f"{type(defect).__name__}: {defect}",
+            "report this defect; until then open the device again",
+        )  # fmt: skip
+        fault.__cause__ = defect
+        return fault
 
     def _closed(self) -> DeviceLost:
         return DeviceLost(self.settings.device, "an open connection", "a closed one", "open the device first")
@@ -219,12 +234,20 @@ class SerialPort:
             if job is not None:
                 self._run(job)
             elif timer is not None:
-                self._run(_Job(timer.job, Future()))
+                self._run_timer(timer)
             else:
                 return self._reopen_when_due()
         finally:
             self._running = False
         return True
+
+    def _run_timer(self, timer: Timer) -> None:
+        """Nobody waits for it: what goes wrong in it, but for a lost device, is told to the next who asks."""
+        job: _Job = _Job(timer.job, Future())
+        self._run(job)
+        error = job.future.exception()
+        if error is not None and not isinstance(error, DeviceLost):
+            self._defect = error
 
     def _due_timer(self) -> Timer | None:
         while self._timers and (self._timers[0].cancelled or self._timers[0].due_s <= self._clock()):

@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import math
 import re
+from abc import ABC, abstractmethod
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -96,17 +97,17 @@ class FilesCamera:
         return self._recording
 
 
-class _Recording:
+class _Recording(ABC):
     """Pairs by number. Reading one blocks; ``DeviceFault`` when it cannot be read."""
 
-    def __len__(self) -> int:
-        raise NotImplementedError
+    @abstractmethod
+    def __len__(self) -> int: ...
 
-    def pair(self, number: int) -> tuple[Image, Image]:
-        raise NotImplementedError
+    @abstractmethod
+    def pair(self, number: int) -> tuple[Image, Image]: ...
 
-    def close(self) -> None:
-        """Nothing stays open."""
+    @abstractmethod
+    def close(self) -> None: ...
 
 
 class _Folder(_Recording):
@@ -120,6 +121,9 @@ class _Folder(_Recording):
     def pair(self, number: int) -> tuple[Image, Image]:
         left, right = (_read(path, self._size) for path in self._pairs[number])
         return left, right
+
+    def close(self) -> None:
+        """No file stays open between two pairs."""
 
 
 class _Film(_Recording):

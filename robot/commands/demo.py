@@ -43,6 +43,8 @@ def demo(
     path = config_file(config)
     clear_former_demo(out)
     truth_path = out / "truth.jsonl"
+    if settings.emulated:
+        Console(stderr=True).print(Text("real ports run in real time: --speed is not used"), soft_wrap=True)
     options = RunOptions(path, out, True, False, truth_path)
     result = run_with_view(settings, options, speed, emulate=settings.emulated)
     truth = load_truth(truth_path)

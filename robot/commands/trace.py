@@ -12,7 +12,7 @@ from typing import Annotated
 import typer
 
 from drivers.arm.decode import DynamixelDecoder
-from drivers.byte_trace import Chunk, Direction, TraceHead, read_trace
+from drivers.byte_trace import FULL, Chunk, Direction, TraceHead, read_trace
 from drivers.gps.decode import NmeaDecoder
 from drivers.line import TCP
 from drivers.modbus_decode import ModbusDecoder
@@ -64,11 +64,8 @@ def _shown(file: Path, raw: bool, from_s: float, to_s: float, errors: bool) -> I
                 yield f"{'' if math.isnan(stamp_s) else format(stamp_s, '.6f'):>13} {mark} {text}"
     except ValueError as error:
         raise FileError(str(error)) from error
-    if not _whole(file):
-        raise FileError(
-            f"{file}: its last line is torn, as a run leaves it that is killed or whose disk is full; "
-            "all before it is shown"
-        )
+    if why := _cut_short(file):
+        raise FileError(f"{file}: {why}; all before it is shown")
 
 
 def _hex(chunks: Iterator[Chunk]) -> Iterator[tuple[float, str, str]]:
@@ -89,7 +86,11 @@ def _decoded(head: TraceHead, chunks: Iterator[Chunk], file: Path) -> Iterator[t
         yield math.nan, " ", text
 
 
-def _whole(file: Path) -> bool:
+def _cut_short(file: Path) -> str:
+    """Why the trace does not go on to the end of its run, "" when it does."""
     with file.open("rb") as stream:
-        stream.seek(-1, os.SEEK_END)
-        return stream.read(1) == b"\n"
+        stream.seek(max(0, stream.seek(0, os.SEEK_END) - len(FULL)))
+        tail = stream.read()
+    if tail == FULL:
+        return "it had grown to its longest and ends before its run"
+    return "" if tail.endswith(b"\n") else "its last line is torn, as a run leaves it that is killed"

@@ -31,10 +31,19 @@ class MockCameraSection(_Camera):
     backend: Literal["mock"]
 
 
+class GainUnits(Section):
+    """The camera's gain number: ``unity`` at a gain of 1; linear, or in decibels, ``units`` each. See the test card."""
+
+    kind: Literal["linear", "decibel"] = "linear"
+    unity: Annotated[float, between(-1e6, 1e6)] = 1.0
+    units: Annotated[float, Field(gt=0.0, le=1e6)] = 1.0
+
+
 class StereoUsbCameraSection(_Camera):
     """A UVC camera that gives both views side by side, or two of them (``device`` left, ``right_device`` right).
 
-    A device is a path such as ``/dev/v4l/by-id/...`` or the address of an MJPEG stream (``http://...``).
+    A device is a path such as ``/dev/v4l/by-id/...`` or the address of an MJPEG stream (``http://...``). Controls in
+    ``may_differ`` need not keep their value; without ``controlled`` a stream has the exposure that it has.
     """
 
     backend: Literal["stereo_usb"]
@@ -45,6 +54,15 @@ class StereoUsbCameraSection(_Camera):
     latency_s: Annotated[float, between(0.0, 1.0)] = 0.03
     frame_timeout_s: Annotated[float, between(0.1, 5.0)] = 0.5
     swapped: bool = False
+    gain_units: GainUnits = GainUnits()
+    in_flight_frames: Annotated[int, Field(ge=1, le=20)] = 1
+    controlled: bool = True
+    may_differ: tuple[
+        Literal[
+            "auto_exposure", "exposure_s", "gain", "auto_white_balance", "white_balance_k", "power_line_hz",
+            "auto_focus", "auto_rate",
+        ], ...
+    ] = ()  # fmt: skip
 
 
 class DepthAiCameraSection(_Camera):

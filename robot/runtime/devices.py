@@ -1,4 +1,4 @@
-"""The only place that knows concrete back ends: from the configuration's ``backend`` to objects behind contracts."""
+"""The devices of a rover together, and the simulated machine that a configuration describes."""
 
 from __future__ import annotations
 
@@ -9,19 +9,13 @@ from pathlib import Path
 from typing import Protocol
 
 from drivers.arm.interface import Arm
-from drivers.arm.mock import MockArm
 from drivers.camera.interface import StereoCamera
-from drivers.camera.mock import MockCamera
 from drivers.errors import DeviceError
 from drivers.gps.interface import Gps
-from drivers.gps.mock import MockGps
 from drivers.gps.values import FixQuality
 from drivers.inputs.interface import Inputs
-from drivers.inputs.mock import MockInputs
 from drivers.modem.interface import Modem
-from drivers.modem.mock import MockModem
 from drivers.relay.interface import RelayBoard
-from drivers.relay.mock import MockRelay
 from drivers.relay.values import Channel
 from drivers.twin.aftermath import resume_from
 from drivers.twin.faults import FaultPlan, parse_fault
@@ -30,7 +24,6 @@ from drivers.twin.nominal import Nominal
 from drivers.twin.optics import StereoOptics
 from drivers.twin.scene import Scene
 from drivers.wheels.interface import Wheels
-from drivers.wheels.mock import MockWheels
 from robot.config import Config
 from robot.config.devices import MockRelaySection
 from robot.errors import BusyError, ConfigError, FileError, UsageError
@@ -165,17 +158,4 @@ def _scene(config: Config, row: Row) -> Scene:
         plant_spacing_m=config.plants.spacing_m,
         stem_distance_m=config.plants.stem_distance_m,
         fruits_per_plant=config.twin.fruits_per_plant,
-    )
-
-
-def make_devices(twin: Twin, clock: Callable[[], float]) -> Devices:
-    """Mock back ends on one twin; ``clock`` is the loop's time."""
-    return Devices(
-        camera=MockCamera(twin, clock),
-        arm=MockArm(twin, clock),
-        relay=MockRelay(twin, clock),
-        inputs=MockInputs(twin, clock),
-        gps=MockGps(twin, clock),
-        modem=MockModem(twin, clock),
-        wheels=MockWheels(twin, clock),
     )

@@ -12,6 +12,7 @@ from drivers.arm.dynamixel import DynamixelArm
 from drivers.arm.interface import Arm
 from drivers.arm.joints import DynamixelSettings
 from drivers.arm.mock import MockArm
+from drivers.camera.controls import Control, GainScale
 from drivers.camera.depthai import DepthAiCamera, DepthAiSettings
 from drivers.camera.files import FilesCamera, FilesSettings
 from drivers.camera.interface import StereoCamera
@@ -183,6 +184,12 @@ class Workshop:
                         latency_s=section.latency_s,
                         frame_timeout_s=section.frame_timeout_s,
                         swapped=section.swapped,
+                        gain_scale=GainScale(
+                            section.gain_units.kind, section.gain_units.unity, section.gain_units.units
+                        ),
+                        in_flight_frames=section.in_flight_frames,
+                        controlled=section.controlled,
+                        may_differ=frozenset(Control(name) for name in section.may_differ),
                     )
                 return StereoUsb(settings, self._clock)
             case DepthAiCameraSection() as section:

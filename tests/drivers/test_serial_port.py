@@ -14,7 +14,7 @@ import pytest
 
 from drivers.byte_trace import ByteTrace, TraceHead, read_trace
 from drivers.emulation.wire import PtyWire
-from drivers.errors import DeviceBusy, DeviceLost, DeviceMissing, DeviceTimeout
+from drivers.errors import DeviceBusy, DeviceFault, DeviceLost, DeviceMissing, DeviceTimeout
 from drivers.line import Line, PortSettings
 from drivers.port_lock import lock_file
 from drivers.serial_port import SerialPort
@@ -299,3 +299,43 @@ def test_the_trace_holds_every_byte_both_ways(link: Path, tmp_path: Path) -> Non
     assert b"".join(chunk.data for chunk in told if chunk.direction == "out") == b"ping"
     assert b"".join(chunk.data for chunk in told if chunk.direction == "in") == b"ping"
     assert told[0].stamp_s <= told[-1].stamp_s
+
+
+def test_what_goes_wrong_by_the_clock_is_told_to_the_next_who_asks(link: Path) -> None:
+    async def main() -> None:
+        echo = Echo(link)
+        port = port_at(link)
+        await port.attach("echo", nothing)
+
+        def broken(line: Line) -> None:
+            raise KeyError("lease")
+
+        port.at(asyncio.get_running_loop().time(), broken)
+        await until(lambda: not port.busy)
+        assert await port.stop(ask) == b"ping"  # a stop goes through all the same
+        with pytest.raises(DeviceFault, match=r"KeyError: 'lease'"):
+            await port.run(ask)
+        assert await port.run(ask) == b"ping"
+        assert echo.heard == b"pingping"
+        await port.detach("echo")
+
+    asyncio.run(main())
+
+
+def test_a_disk_that_takes_no_trace_does_not_cost_the_device(link: Path, caplog: pytest.LogCaptureFixture) -> None:
+    async def main() -> None:
+        Echo(link)
+        trace = ByteTrace(Path("/dev/null"), TraceHead("echo", "raw", str(link), BAUD))
+        full = os.open("/dev/full", os.O_WRONLY)
+        assert trace._file is not None
+        os.dup2(full, trace._file.fileno())
+        os.close(full)
+        port = port_at(link, trace=trace)
+        await port.attach("echo", nothing)
+        assert [await port.run(ask) for _ in range(3)] == [b"ping"] * 3
+        assert port.statistics.losses == 0
+        await port.detach("echo")
+        trace.close()
+
+    asyncio.run(main())
+    assert "the byte trace ends here: No space left on device" in caplog.text

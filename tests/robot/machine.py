@@ -23,7 +23,8 @@ from robot.config import load_config
 from robot.ledger import Ledger
 from robot.ledger.values import Result
 from robot.package_files import packaged
-from robot.runtime.devices import Devices, make_devices, nominal_machine
+from robot.runtime.backends import BuildOptions, build_devices
+from robot.runtime.devices import Devices, nominal_machine
 from robot.runtime.settings import hand_settings, limits, load_arm, load_row, task
 from robot.targets import Target, TargetState
 from robot.vision.values import Ripeness
@@ -76,7 +77,7 @@ def gentle(start: tuple[float, ...], goal: tuple[float, ...], duration_s: float 
 async def machine(folder: Path, *faults: str, start: bool = True) -> AsyncIterator[Machine]:
     """Up and polling; armed and in AUTO with ``start``. ``faults`` like "relay:off@12s+3s"."""
     config = load_config(DEMO)
-    _, urdf = load_arm(config, DEMO)
+    arm_model, urdf = load_arm(config, DEMO)
     row = load_row(config, DEMO)
     rig = load_rig(packaged("configs") / config.camera.calibration)
     loop = asyncio.get_running_loop()
@@ -90,7 +91,7 @@ async def machine(folder: Path, *faults: str, start: bool = True) -> AsyncIterat
         task_id = ledger.begin_task(task(config, row))
         ledger.upsert_targets(task_id, [a_target(1), a_target(2)])
         troubles: list[str] = []
-        devices = make_devices(twin, loop.time)
+        devices = build_devices(config, arm_model, twin, loop.time, BuildOptions(DEMO), stack)
         await devices.open(stack, troubles.append)
         modes: list[safety.SafetyState] = []
         hands = Actuation(

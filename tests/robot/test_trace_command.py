@@ -140,6 +140,20 @@ def test_another_kind_of_file_is_refused(tmp_path: Path, capsys: pytest.CaptureF
     assert "Is a directory" in refused(capsys, FILE, tmp_path)
 
 
+def test_a_trace_that_grew_too_long_says_that_it_ends_before_its_run(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    file = tmp_path / "gps.trace.jsonl"
+    kept = ByteTrace(file, TraceHead("gps", "nmea", "/dev/ttyGPS", 9600), longest_bytes=400)
+    for second in range(20):
+        kept.keep(float(second), "in", b"$GPGGA,,,,,,0,,,,,,,,*66\r\n")
+    kept.close()
+    assert run_command(["trace", str(file)]) == 74
+    shown = capsys.readouterr()
+    assert 1 < len(shown.out.splitlines()) < 20
+    assert "ends before its run" in shown.err
+
+
 def test_a_torn_trace_is_shown_up_to_the_tear_and_named(bus: Path, capsys: pytest.CaptureFixture[str]) -> None:
     bus.write_bytes(bus.read_bytes()[:-4])
     assert run_command(["trace", str(bus)]) == FILE

@@ -6,6 +6,7 @@ import asyncio
 import json
 import os
 import pty
+from contextlib import AsyncExitStack
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
 
@@ -18,14 +19,18 @@ from drivers.twin import Twin
 from drivers.twin import commands as c
 from robot.cli import run_command
 from robot.clock import run_virtual
+from robot.config import load_config
 from robot.doctor import Finding, Level, exit_code
 from robot.doctor.computer import calibration_findings, clock_finding, disk_finding
 from robot.doctor.devices import examine, look_at_arm, look_at_camera, look_at_inputs, look_at_relay
 from robot.doctor.ports import adapter_findings, port_findings
 from robot.doctor.values import of_device_error
-from robot.runtime.devices import make_devices
+from robot.package_files import packaged
+from robot.runtime.backends import BuildOptions, build_devices
+from robot.runtime.settings import load_arm
 from tests.drivers.twin import rig
 
+DEMO = packaged("configs") / "demo.toml"
 NOW = datetime(2026, 7, 1, 12, 0, tzinfo=UTC)
 
 
@@ -115,7 +120,9 @@ def test_the_exit_code_says_the_worst() -> None:
 
 def look(twin: Twin, name: str, before: c.Command | None = None) -> list[Finding]:
     async def main() -> list[Finding]:
-        devices = make_devices(twin, asyncio.get_running_loop().time)
+        config, clock = load_config(DEMO), asyncio.get_running_loop().time
+        stack = AsyncExitStack()  # nothing is traced, so nothing is left to it
+        devices = build_devices(config, load_arm(config, DEMO)[0], twin, clock, BuildOptions(DEMO), stack)
         if before is not None:
             twin.apply(0.0, before)
         looks = {
