@@ -12,6 +12,7 @@ import pytest
 
 from drivers.arm.dynamixel import DynamixelArm
 from drivers.arm.mock import MockArm
+from drivers.camera.controls import Control
 from drivers.camera.depthai import DepthAiCamera
 from drivers.camera.files import FilesCamera
 from drivers.camera.mock import MockCamera
@@ -110,9 +111,25 @@ def test_a_camera_of_another_kind_is_made_where_it_is_named(
     assert type(build(path).camera) is kind
 
 
+def test_what_a_real_camera_needs_comes_from_its_section(build: Callable[..., Devices]) -> None:
+    camera = build(
+        CONFIGS / "emulated.toml",
+        CAMERA__GAIN_UNITS='{"kind": "decibel", "unity": 64, "units": 10}',
+        CAMERA__IN_FLIGHT_FRAMES="3",
+        CAMERA__MAY_DIFFER='["power_line_hz"]',
+        CAMERA__CONTROLLED="false",
+    ).camera
+    assert isinstance(camera, StereoUsb)
+    assert camera.settings.gain_scale.number(10.0) == pytest.approx(64 + 10 * 20)
+    assert camera.settings.in_flight_frames == 3
+    assert camera.settings.may_differ == {Control.POWER_LINE_HZ}
+    assert not camera.settings.controlled
+
+
 @pytest.mark.parametrize(
     ("variables", "words"),
     [
+        ({"CAMERA__MAY_DIFFER": '["hue"]'}, r"camera\.may_differ"),
         ({"RELAY__PROFILE": "waveshare-9"}, r"\[relay\] .*waveshare-9.*known are .*waveshare-8"),
         ({"RELAY__CHANNELS__VALVE": "12"}, r"\[relay\] .*expected 1 to 8, found 12"),
         ({"ARM__SERVOS__WAIST__IDS": "[7]"}, r"\[arm\] .*servo id 7 stands at two places"),

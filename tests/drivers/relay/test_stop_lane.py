@@ -19,6 +19,7 @@ SHUTS: dict[str, Callable[[ModbusRelay], Awaitable[None]]] = {
     "all_off": lambda relay: relay.all_off(),
     "switch off": lambda relay: relay.switch(Channel.VALVE, False),
     "close": lambda relay: relay.close(),
+    "posted": lambda relay: asyncio.wrap_future(relay.post_all_off()),
 }
 
 
