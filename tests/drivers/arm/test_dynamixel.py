@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import errno
 import time
 from dataclasses import replace
 
@@ -14,6 +15,7 @@ from drivers.arm.emulator import viperx300_joints
 from drivers.arm.following import Follower
 from drivers.arm.protocol2 import BROADCAST, Instruction, status
 from drivers.errors import DeviceError, DeviceFault, DeviceLost, DeviceRefused, DeviceTimeout
+from drivers.line import Line
 from drivers.twin import commands as c
 from tests.drivers.arm.rig import NUDGED_RAD, POINTING_RAD, STOW_RAD, ArmOnBus, apart_rad, move, nudge, on_bus, until
 from tests.drivers.twin import rig
@@ -267,6 +269,28 @@ def test_an_unplugged_arm_ends_a_trajectory_and_stops_by_itself() -> None:
     on_bus(test)
 
 
+def test_a_loss_that_another_job_meets_ends_the_trajectory_too() -> None:
+    """The follower's own timers are gone with the port: it would never hear of it."""
+
+    def fails(line: Line) -> None:
+        raise OSError(errno.EIO, "Input/output error")
+
+    async def test(bus: ArmOnBus) -> None:
+        following = asyncio.ensure_future(bus.arm.follow(move()))
+        await asyncio.sleep(1.1)
+        with pytest.raises(DeviceLost):
+            await bus.port.run(fails)
+        with pytest.raises(DeviceLost):
+            await asyncio.wait_for(following, 5.0)
+        await asyncio.sleep(1.0)
+        there = bus.joints()
+        await asyncio.sleep(2.0)
+        assert apart_rad(bus.joints(), there) < 0.003
+        assert apart_rad(there, POINTING_RAD) > 0.2
+
+    on_bus(test)
+
+
 def test_an_arm_that_is_plugged_in_again_is_greeted_and_follows() -> None:
     async def test(bus: ArmOnBus) -> None:
         before = bus.joints()
@@ -340,6 +364,15 @@ def test_a_trajectory_beyond_a_joints_limits_is_refused() -> None:
         beyond = (*STOW_RAD[:4], 2.4, STOW_RAD[5])
         with pytest.raises(DeviceRefused, match="wrist_angle between"):
             await bus.arm.follow(move(goal=beyond))
+        assert bus.joints() == STOW_RAD
+
+    on_bus(test)
+
+
+def test_a_trajectory_that_starts_elsewhere_is_refused_and_nothing_moves() -> None:
+    async def test(bus: ArmOnBus) -> None:
+        with pytest.raises(DeviceRefused, match=r"starts within 0.1 rad"):
+            await bus.arm.follow(move(start=POINTING_RAD, goal=STOW_RAD))
         assert bus.joints() == STOW_RAD
 
     on_bus(test)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -38,16 +39,27 @@ def test_frames_further_apart_are_dropped_and_counted() -> None:
     assert 0.029 < pairing.nearest_miss_s < 0.037
 
 
-def test_one_lost_frame_costs_one_pair_only() -> None:
+@pytest.mark.parametrize("losing", [0, 1])
+def test_one_lost_frame_costs_one_pair_only(losing: int) -> None:
     pairing = Pairing(0.010)
     made = 0
     for number in range(40):
-        made += pairing.add(0, frame(0.066 * number)) is not None
-        if number != 20:
-            made += pairing.add(1, frame(0.066 * number + 0.002)) is not None
+        for side, lag_s in ((0, 0.0), (1, 0.002)):
+            if (side, number) != (losing, 20):
+                made += pairing.add(side, frame(0.066 * number + lag_s)) is not None
     assert made == 39
     assert pairing.dropped == 1
     assert not pairing.falls_apart
+
+
+def test_cameras_that_begin_anew_make_no_pair_with_what_came_before() -> None:
+    pairing = Pairing(0.010)
+    for number in range(30):
+        pairing.add(0, frame(0.066 * number))
+    assert pairing.falls_apart
+    pairing.forget()
+    assert not pairing.falls_apart
+    assert pairing.add(1, frame(0.066 * 29)) is None
 
 
 @given(st.lists(st.tuples(st.integers(0, 1), st.floats(0.0, 0.05)), max_size=60))

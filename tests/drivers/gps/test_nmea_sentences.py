@@ -68,6 +68,14 @@ def test_a_real_sentence_is_read_as_its_note_says(vector: dict[str, str]) -> Non
         assert read.latitude_deg is read.longitude_deg is None
 
 
+@pytest.mark.parametrize("body", ["GNTXT,01,01,02,ANTSTATUS=OK", "PUBX,00,1", "GNTHS,77.5,A", "GNRMC,,V,,,,,,,,,,N"])
+def test_no_sentence_of_any_kind_is_taken_with_a_wrong_checksum(body: str) -> None:
+    right = checksum(body)
+    assert parse(f"${body}*{right:02X}".encode())
+    with pytest.raises(BadSentence, match="checksum"):
+        parse(f"${body}*{right ^ 1:02X}".encode())
+
+
 @needs_vectors
 def test_the_negative_vectors_say_nothing_false() -> None:
     wrong = {vector["note"].partition(":")[0]: vector["sentence"] for vector in vectors("negative")}

@@ -136,6 +136,17 @@ def test_reading_on_does_not_keep_a_base_going_whose_commands_ceased() -> None:
     run(test)
 
 
+def test_a_base_that_could_not_be_halted_says_so_at_the_next_reading() -> None:
+    async def test(bench: WheelsRig) -> None:
+        await drive(bench, 1.0, SPEED)
+        await asyncio.sleep(max(0.0, 4.0 - now()))
+        with pytest.raises(DeviceTimeout):
+            await bench.device.odometry()
+        assert (await bench.device.odometry()).left_m_s == 0.0
+
+    run(test, "wheels:off@1.1s+2.5s")
+
+
 def test_a_short_command_time_out_is_the_controllers_too() -> None:
     async def test(bench: WheelsRig) -> None:
         assert bench.device.command_timeout_s == 0.2
