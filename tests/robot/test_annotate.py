@@ -10,7 +10,7 @@ from robot.vision.values import Circle, Fruit, Ripeness
 
 LEFT = Circle(80.0, 60.0, 20.0, Ripeness.RED, 0.9)
 FRUIT = Fruit(
-    np.array([0.1, 0.0, 0.5]), np.eye(3) * 1e-6, 0.08, 0.002, Ripeness.RED, 0.9, 0.9, 1.0, left=LEFT, right=LEFT
+    np.array([0.1, 0.0, 0.5]), np.eye(3) * 1e-6, 0.08, 0.002, Ripeness.RED, 0.9, 0.9, 1.0, True, left=LEFT, right=LEFT
 )
 
 

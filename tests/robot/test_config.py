@@ -32,7 +32,7 @@ def test_an_unknown_key_is_named_with_its_path_and_the_nearest_key(tmp_path):
 
 def test_an_unknown_key_without_a_neighbour_lists_the_known_ones(tmp_path):
     path = _changed(tmp_path, "max_ml = 12.0", "max_ml = 12.0\nzzz = 0.1")
-    with pytest.raises(ConfigError, match=r"unknown key 'dosing\.zzz'; known keys here: coefficient, law"):
+    with pytest.raises(ConfigError, match=r"unknown key 'dosing\.zzz'; known keys here: coefficient, factor, hidden, law"):
         load_config(path)
 
 

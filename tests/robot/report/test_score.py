@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from drivers.twin.truth_record import read_truth
-from robot.dosing import DoseLaw, LawKind
+from robot.dosing import DoseLaw, DoseRules, Hidden, LawKind, RipenessFactors
 from robot.errors import UsageError
 from robot.ledger import Ledger, LedgerReader
 from robot.report import Judgement, judge, read_evidence, score_rows
@@ -20,13 +20,14 @@ def judged(
     shots: tuple[Sprayed, ...] = USUAL,
     restart_after: int | None = None,
     reachable: frozenset[int] | None = None,
+    factors: RipenessFactors | None = None,
 ) -> Judgement:
     write_ledger(folder / "ledger.sqlite", shots, restart_after)
     write_truth(folder / "truth.jsonl", shots, restart_after)
     with LedgerReader.open_read_only(folder / "ledger.sqlite") as reader:
         evidence = read_evidence(reader)
-    law = DoseLaw(LawKind.VOLUME, 0.02, 1.5, 12.0)
-    return judge(evidence, read_truth(folder / "truth.jsonl"), reachable, law.dose_ml)
+    rules = DoseRules(DoseLaw(LawKind.VOLUME, 0.02, 1.5, 12.0), factors or RipenessFactors(), Hidden.MINIMUM)
+    return judge(evidence, read_truth(folder / "truth.jsonl"), reachable, rules.dose_ml)
 
 
 def test_fruits_are_counted_as_in_the_row_visible_seen_and_sprayed(tmp_path: Path) -> None:
