@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -27,6 +29,11 @@ def test_the_outline_is_drawn_in_the_colour_of_ripeness_and_the_original_stays()
 def test_a_target_number_changes_the_label() -> None:
     image = np.full((120, 160, 3), 128, dtype=np.uint8)
     assert (draw_fruits(image, [FRUIT]) != draw_fruits(image, [FRUIT], [7])).any()
+
+
+def test_the_size_of_a_fruit_that_was_not_measured_is_marked() -> None:
+    image = np.full((120, 160, 3), 128, dtype=np.uint8)
+    assert (draw_fruits(image, [FRUIT]) != draw_fruits(image, [replace(FRUIT, measured=False)])).any()
 
 
 def test_a_number_without_its_fruit_is_refused() -> None:
