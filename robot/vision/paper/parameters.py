@@ -37,7 +37,7 @@ class PaperParameters:
     max_distance_m: float = 1.5
     centre_sigma_px: float = 2.0
     radius_sigma_px: float = 2.0
-    measured_outline: float = 0.8
+    measured_outline: float = 0.7
 
     def __post_init__(self) -> None:
         if self.reading not in ("laplacian", "binary"):
