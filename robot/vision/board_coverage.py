@@ -96,7 +96,9 @@ def coverage(
     )  # fmt: skip
 
 
-def distance_bounds_m(distance: Distance, working_range_m: tuple[float, float] = WORKING_RANGE_M) -> tuple[float, float]:
+def distance_bounds_m(
+    distance: Distance, working_range_m: tuple[float, float] = WORKING_RANGE_M
+) -> tuple[float, float]:
     """Thirds of the range by ratio: what is far has to be seen from farther apart."""
     low_m, high_m = working_range_m
     third = (high_m / low_m) ** (1.0 / 3.0)

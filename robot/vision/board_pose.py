@@ -42,7 +42,7 @@ def estimate_board_pose(view: BoardView, board: Board, rig: StereoRig) -> BoardP
     found, turn, shift_m = cv2.solvePnP(points_m, view.left_px, rig.K_left, rig.dist_left)
     if not found or not (np.isfinite(turn).all() and np.isfinite(shift_m).all()):
         raise ValueError(f"the corners of {view.name} fit no pose of the board; look at the image")
-    first = Transform(_rotation(turn.ravel()), np.asarray(shift_m, dtype=np.float64).ravel())
+    first = Transform(_rotation(turn), np.asarray(shift_m, dtype=np.float64).ravel())
 
     def moved(change: Array) -> Transform:
         return Transform(_rotation(change[:3]) @ first.rotation, first.translation_m + change[3:])
@@ -54,15 +54,16 @@ def estimate_board_pose(view: BoardView, board: Board, rig: StereoRig) -> BoardP
 
     fit = least_squares(misses, np.zeros(6), method="lm", x_scale="jac")
     left, right = np.asarray(fit.fun).reshape(2, -1, 2)
+    jacobian = np.asarray(fit.jac, dtype=np.float64)
     variance = float(np.sum(fit.fun**2)) / max(len(fit.fun) - 6, 1)
     return BoardPose(
         view.name,
         moved(fit.x),
         float(np.sqrt(np.mean(np.sum(left**2, axis=1)))),
         float(np.sqrt(np.mean(np.sum(right**2, axis=1)))),
-        np.asarray(variance * np.linalg.pinv(fit.jac.T @ fit.jac)),
+        np.asarray(variance * np.linalg.pinv(jacobian.T @ jacobian), dtype=np.float64),
     )
 
 
-def _rotation(vector: Array) -> Array:
+def _rotation(vector: npt.ArrayLike) -> Array:
     return np.asarray(cv2.Rodrigues(np.asarray(vector, dtype=np.float64))[0], dtype=np.float64)

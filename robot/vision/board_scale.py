@@ -30,7 +30,8 @@ class BoardScale:
 
 def measure_board(view: BoardView, board: Board, rig: StereoRig) -> BoardScale:
     """Triangulate all corners of a view. ``ValueError`` when rays of a pair do not meet before the camera."""
-    points_m = triangulate(rig.P_left, rig.P_right, rig.undistort_left(view.left_px), rig.undistort_right(view.right_px))
+    left_px, right_px = rig.undistort_left(view.left_px), rig.undistort_right(view.right_px)
+    points_m = triangulate(rig.P_left, rig.P_right, left_px, right_px)
     if not (np.isfinite(points_m).all() and (points_m[:, 2] > 0.0).all()):
         raise ValueError(f"the corners of {view.name} do not lie before the camera; are left and right swapped?")
     centred, true = points_m - points_m.mean(axis=0), board.points_m() - board.points_m().mean(axis=0)

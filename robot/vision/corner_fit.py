@@ -52,7 +52,7 @@ def fit_corners(image: GreyImage, start_px: Array, rows: int, columns: int) -> C
     along, down = (np.asarray(np.gradient(grid, axis=axis)).reshape(-1, 2) for axis in (1, 0))
     points = start_px.astype(np.float64)
     sigma, blur = np.full(len(points), np.inf), np.full(len(points), np.inf)
-    smooth = np.asarray(cv2.GaussianBlur(image.astype(np.float64), (0, 0), _SMOOTH_PX))
+    smooth = np.asarray(cv2.GaussianBlur(image.astype(np.float64), (0, 0), _SMOOTH_PX), dtype=np.float64)
     for index, (start, u, v) in enumerate(zip(start_px, along, down, strict=True)):
         found = _fit(smooth, start, u, v)
         if found is not None:
