@@ -105,9 +105,9 @@ def _by_board(pairs: Sequence[ImagePair], board: Board, rig: StereoRig, calibrat
     left, right = (np.concatenate(side) for side in zip(*((v.left_px, v.right_px) for v in search.views), strict=True))
     found = judge(Matches(left, right), rig)
     _say(f"{len(search.views)} pairs of the board: {found}")
-    _say(f"reprojection {rms_px:.2f} px, board measured {1e2 * scale:+.2f} % too large (limits {limit_px:g} px, "
+    _say(f"reprojection {rms_px:.2f} px, size of the board off by {1e2 * scale:+.2f} % (limits {limit_px:g} px, "
          f"{1e2 * SCALE_LIMIT:g} %)")  # fmt: skip
-    if abs(scale) > SCALE_LIMIT and rms_px <= limit_px and found.shift_px <= limit_px:
+    if abs(scale) > SCALE_LIMIT and max(rms_px, found.shift_px, abs(found.disparity_px)) <= limit_px:
         _say("the size alone is off: measure the board's squares, and check that it lies flat")
     worse = found.shift_px > limit_px or rms_px > limit_px or abs(scale) > SCALE_LIMIT
     return _conclude(Verdict.DECALIBRATED if worse else Verdict.HOLDS, found, rig, calibration)
@@ -135,11 +135,12 @@ def _conclude(verdict: Verdict, found: Misalignment, rig: StereoRig, calibration
     if verdict is Verdict.HOLDS:
         _say(f"{calibration}: the calibration holds: {found.shift_px:.1f} px")
         return 0
-    depth = ""
-    if abs(found.disparity_px) > 2.0 * found.disparity_sigma_px:
+    by_px, depth = found.shift_px, ""
+    if abs(found.disparity_px) > 4.0 * found.disparity_sigma_px:
+        by_px = max(by_px, abs(found.disparity_px))
         depth = f", distances at {AT_M:g} m off by about {_depth_mm(found.disparity_px, rig):.0f} mm"
     _say(
-        f"{calibration}: decalibrated by {found.shift_px:.1f} px{depth}; fasten the lenses and calibrate again: "
+        f"{calibration}: decalibrated by {by_px:.1f} px{depth}; fasten the lenses and calibrate again: "
         "sprayer calibrate camera"
     )
     return _FAILED

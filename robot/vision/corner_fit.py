@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 import numpy.typing as npt
+from scipy.spatial import KDTree
 from scipy.special import erf
 
 Array = npt.NDArray[np.float64]
@@ -24,6 +25,7 @@ _FARTHEST_PX = 24.0
 _LEAST_SHARE = 0.25  # of a square, however small it is in the picture
 _NEXT_EDGE_PX = 2.5  # kept from the next edge, whose blur reaches that far
 _ODD_SIGMAS, _ODD_CONTRAST = 5.0, 0.15  # a pixel inside a square so far off it shows something else: glare, the rim
+_BESIDE_PX = 4.0  # what is that near to such a pixel may belong to the same thing
 _SURE = 0.95  # of the contrast: so far from an edge
 _STARTING_BLUR_PX = 1.2
 _BLUR_PX = (0.3, 10.0)
@@ -100,10 +102,16 @@ def _window(image: Smooth, start: Array, u: Array, v: Array, share: float) -> tu
 
 
 def _plain(fit: Array, offsets: Array, codes: Array, limit: float) -> npt.NDArray[np.bool_]:
-    """Which pixels show the board; an edge may run otherwise than ``fit`` foretells, the middle of a square not."""
+    """Which pixels show the board and are not beside one that does not.
+
+    An edge may run otherwise than ``fit`` foretells, the middle of a square may not.
+    """
     model, slopes = _brightness(fit, offsets)
-    inside_square = np.abs(slopes[:, _CONTRAST]) > _SURE
-    return np.asarray(~inside_square | (np.abs(codes - model) <= limit))
+    odd = (np.abs(slopes[:, _CONTRAST]) > _SURE) & (np.abs(codes - model) > limit)
+    if not odd.any():
+        return ~odd
+    away_px, _ = KDTree(offsets[odd]).query(offsets, distance_upper_bound=_BESIDE_PX)
+    return np.asarray(np.isinf(away_px))
 
 
 def _reach(side_px: float, between_edges_px: float, share: float) -> float:

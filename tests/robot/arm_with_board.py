@@ -16,13 +16,13 @@ from robot.vision.stereo_rig import StereoRig
 
 Array = npt.NDArray[np.float64]
 
-BOARD = Board(7, 5, 0.02)
+BOARD = Board(7, 5, 0.03)
 READY_RAD = np.array([0.5, -0.7, 0.3, 0.0, 0.4, 0.0])
 BASE_FROM_ARM = transform_from_xyz_rpy((0.15, 0.10, 0.45), (0.0, 0.0, np.pi / 2))
 # columns: the board's x to the tool's right, its y down, its z along the spray axis; 3 cm before the nozzle's tip
 TOOL_FROM_BOARD = Transform(
     np.array([[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]]) @ rotation_from_rpy(0.02, -0.03, 0.05),
-    np.array([0.03, 0.063, 0.041]),
+    np.array([0.03, 0.09, 0.06]),
 )
 
 
