@@ -168,7 +168,7 @@ def _advice(
 ) -> str | None:
     if not (regions or tilts or distances):
         return None
-    parts = [f"in the {regions[0]} of the image"] if regions else []
+    parts = [f"in the {regions[0]} of the image, as far out as both lenses see it whole"] if regions else []
     if tilts:
         parts.append(str(tilts[0]) if tilts[0] is Tilt.FACING else f"tilted 20 to 45 degrees with {tilts[0]}")
     if distances:

@@ -14,6 +14,8 @@ from robot.vision.triangulation import triangulate
 
 Array = npt.NDArray[np.float64]
 
+_NEAR_IMAGE = 0.1  # of an undistorted pixel's place: no lens moves a point by ten image widths
+
 
 @dataclass(frozen=True, slots=True)
 class BoardScale:
@@ -31,6 +33,8 @@ class BoardScale:
 def measure_board(view: BoardView, board: Board, rig: StereoRig) -> BoardScale:
     """Triangulate all corners of a view. ``ValueError`` when rays of a pair do not meet before the camera."""
     left_px, right_px = rig.undistort_left(view.left_px), rig.undistort_right(view.right_px)
+    if not all(_NEAR_IMAGE * np.abs(px).max() < max(rig.image_size) for px in (left_px, right_px)):
+        raise ValueError(f"the lenses of this calibration bend the corners of {view.name} out of all proportion")
     points_m = triangulate(rig.P_left, rig.P_right, left_px, right_px)
     if not (np.isfinite(points_m).all() and (points_m[:, 2] > 0.0).all()):
         raise ValueError(f"the corners of {view.name} do not lie before the camera; are left and right swapped?")

@@ -65,7 +65,11 @@ def hold_out(views: Sequence[BoardView], board: Board, image_size: tuple[int, in
         rest = [view for index, view in enumerate(views) if index not in chunk]
         rig = calibrate_stereo(rest, board, image_size).rig
         used.append(judge_rig(rest, board, rig))
-        held.append(judge_rig(out, board, rig))
+        try:
+            held.append(judge_rig(out, board, rig))
+        except ValueError as error:
+            names = ", ".join(view.name for view in out)
+            raise ValueError(f"the views but for {names} say nothing of these: {error}; add views like these") from error
     return HeldOut(_pooled(used), _pooled(held))
 
 
