@@ -108,7 +108,11 @@ def _by_board(pairs: Sequence[ImagePair], board: Board, rig: StereoRig, calibrat
     _say(f"reprojection {rms_px:.2f} px, size of the board off by {1e2 * scale:+.2f} % (limits {limit_px:g} px, "
          f"{1e2 * SCALE_LIMIT:g} %)")  # fmt: skip
     if abs(scale) > SCALE_LIMIT and max(rms_px, found.shift_px, abs(found.disparity_px)) <= limit_px:
-        _say("the size alone is off: measure the board's squares, and check that it lies flat")
+        _say(
+            f"{calibration}: disagrees with the board in size alone, by {1e2 * scale:+.2f} %: measure the board's "
+            "squares and check that it lies flat; if they are right, calibrate again"
+        )
+        return _FAILED
     worse = found.shift_px > limit_px or rms_px > limit_px or abs(scale) > SCALE_LIMIT
     return _conclude(Verdict.DECALIBRATED if worse else Verdict.HOLDS, found, rig, calibration)
 

@@ -25,7 +25,9 @@ from robot.package_files import config_file
 from robot.runtime.settings import load_arm, load_camera
 from robot.toml_values import difference, read_toml_text, with_numbers, write_toml_text
 from robot.vision.board_corners import Board
+from robot.vision.board_ends import turned_views
 from robot.vision.board_pose import BoardPose, estimate_board_pose
+from robot.vision.camera_calibration import BoardView
 from robot.vision.hand_eye import ArmPose, HandEye, PoseResidual, rms, solve_hand_eye
 from robot.vision.stereo_rig import StereoRig
 
@@ -112,16 +114,26 @@ def _poses(
     search: BoardSearch, board: Board, rig: StereoRig, model: ArmModel, angles_rad: Mapping[str, tuple[float, ...]],
     sigma_rad: float,
 ) -> list[ArmPose]:  # fmt: skip
-    poses: list[ArmPose] = []
     boards = [estimate_board_pose(view, board, rig) for view in search.views]
     _check_reprojection(boards)
-    for seen in boards:
-        angles = np.array(angles_rad[seen.name])
-        frames = link_frames(model, angles)
-        arm_from_tool = Transform(frames.rotation[-1], frames.origin_m[-1])
-        covariance = _tool_covariance(model, angles, arm_from_tool, sigma_rad)
-        poses.append(ArmPose(seen.name, arm_from_tool, seen.camera_from_board, covariance, seen.covariance))
-    return poses
+    angles = [np.array(angles_rad[view.name]) for view in search.views]
+    tools = [_tool(model, joints_rad) for joints_rad in angles]
+    for index, turned in enumerate(turned_views(tools, [seen.camera_from_board for seen in boards], board)):
+        if turned:
+            view = search.views[index]
+            other_end = BoardView(view.name, view.left_px[::-1].copy(), view.right_px[::-1].copy())
+            boards[index] = estimate_board_pose(other_end, board, rig)
+    covariances = [_tool_covariance(model, *pose, sigma_rad) for pose in zip(angles, tools, strict=True)]
+    return [
+        ArmPose(seen.name, tool, seen.camera_from_board, covariance, seen.covariance)
+        for seen, tool, covariance in zip(boards, tools, covariances, strict=True)
+    ]
+
+
+def _tool(model: ArmModel, joints_rad: Array) -> Transform:
+    """``arm_from_tool``: the nozzle's frame in the arm's base."""
+    frames = link_frames(model, joints_rad)
+    return Transform(frames.rotation[-1], frames.origin_m[-1])
 
 
 def _check_reprojection(boards: Sequence[BoardPose]) -> None:

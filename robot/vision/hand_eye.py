@@ -119,14 +119,14 @@ def _check(poses: Sequence[ArmPose]) -> None:
 def _solve(poses: Sequence[ArmPose]) -> tuple[Transform, Transform, Array]:
     arms, boards = [pose.arm_from_tool for pose in poses], [pose.camera_from_board for pose in poses]
     camera, board = closed_form(arms, boards, turns_between(arms, boards))
-    whiten = [np.linalg.inv(np.linalg.cholesky(_covariance(pose, camera, board))) for pose in poses]
+    whiten = np.linalg.inv(np.linalg.cholesky(np.stack([_covariance(pose, camera, board) for pose in poses])))
+    stacked = _Stacked.of(poses)
 
     def changed(change: Array) -> tuple[Transform, Transform]:
         return _moved(camera, change[:6]), _moved(board, change[6:])
 
     def misses(change: Array) -> Array:
-        now = changed(change)
-        return np.concatenate([w @ _miss(pose, *now) for w, pose in zip(whiten, poses, strict=True)])
+        return np.asarray((whiten @ stacked.misses(*changed(change))[:, :, None]).ravel())
 
     fit = least_squares(misses, np.zeros(12), x_scale="jac", loss="soft_l1", f_scale=_LOSS_SIGMAS)
     freedom = max(len(fit.fun) - 12, 1)
@@ -141,11 +141,32 @@ def _moved(transform: Transform, change: Array) -> Transform:
     return Transform(turn @ transform.rotation, transform.translation_m + change[3:])
 
 
-def _miss(pose: ArmPose, arm_from_camera: Transform, tool_from_board: Transform) -> Array:
-    """(6,) turn and shift from the tool by the arm to the tool by the camera, in the tool's frame."""
-    by_camera = arm_from_camera @ pose.camera_from_board @ tool_from_board.inverse()
-    error = pose.arm_from_tool.inverse() @ by_camera
-    return np.concatenate([Rotation.from_matrix(error.rotation).as_rotvec(), error.translation_m])
+@dataclass(frozen=True, slots=True, eq=False)
+class _Stacked:
+    """Poses (n) as arrays: rotations (n, 3, 3) and translations (n, 3, 1)."""
+
+    tool_from_arm: Array
+    arm_from_tool_m: Array
+    camera_from_board: Array
+    camera_from_board_m: Array
+
+    @staticmethod
+    def of(poses: Sequence[ArmPose]) -> _Stacked:
+        return _Stacked(
+            np.stack([pose.arm_from_tool.rotation.T for pose in poses]),
+            np.stack([pose.arm_from_tool.translation_m for pose in poses])[:, :, None],
+            np.stack([pose.camera_from_board.rotation for pose in poses]),
+            np.stack([pose.camera_from_board.translation_m for pose in poses])[:, :, None],
+        )
+
+    def misses(self, arm_from_camera: Transform, tool_from_board: Transform) -> Array:
+        """(n, 6) turn and shift from the tool by the arm to the tool by the camera, in the tool's frame."""
+        board_from_tool = tool_from_board.inverse()
+        turn = self.tool_from_arm @ arm_from_camera.rotation @ self.camera_from_board @ board_from_tool.rotation
+        in_camera_m = self.camera_from_board @ board_from_tool.translation_m[:, None] + self.camera_from_board_m
+        in_arm_m = arm_from_camera.rotation @ in_camera_m + arm_from_camera.translation_m[:, None]
+        shift_m = self.tool_from_arm @ (in_arm_m - self.arm_from_tool_m)
+        return np.column_stack([Rotation.from_matrix(turn).as_rotvec(), shift_m[:, :, 0]])
 
 
 def _covariance(pose: ArmPose, arm_from_camera: Transform, tool_from_board: Transform) -> Array:
@@ -160,7 +181,7 @@ def _covariance(pose: ArmPose, arm_from_camera: Transform, tool_from_board: Tran
 def _residuals(
     poses: Sequence[ArmPose], arm_from_camera: Transform, tool_from_board: Transform
 ) -> tuple[PoseResidual, ...]:
-    misses = np.stack([_miss(pose, arm_from_camera, tool_from_board) for pose in poses])
+    misses = _Stacked.of(poses).misses(arm_from_camera, tool_from_board)
     squared = np.array(
         [
             miss @ np.linalg.solve(_covariance(pose, arm_from_camera, tool_from_board), miss) / 6.0

@@ -69,7 +69,9 @@ def hold_out(views: Sequence[BoardView], board: Board, image_size: tuple[int, in
             held.append(judge_rig(out, board, rig))
         except ValueError as error:
             names = ", ".join(view.name for view in out)
-            raise ValueError(f"the views but for {names} say nothing of these: {error}; add views like these") from error
+            raise ValueError(
+                f"the views but for {names} say nothing of these: {error}; add views like these"
+            ) from error
     return HeldOut(_pooled(used), _pooled(held))
 
 

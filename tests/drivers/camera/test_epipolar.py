@@ -22,7 +22,7 @@ def judged(turn_rad: tuple[float, float, float], count: int, noise_px: float, wr
     rng = np.random.default_rng(5)
     pixels = np.column_stack([rng.uniform(150, 630, count), rng.uniform(20, 460, count)])
     points_m = np.column_stack([(pixels - K[:2, 2]) / 457.0, np.ones(count)]) * rng.uniform(0.35, 1.0, (count, 1))
-    in_right = (points_m + [-0.06, 0.0, 0.0]) @ Rotation.from_rotvec(turn_rad).as_matrix()
+    in_right = (points_m - np.array([0.06, 0.0, 0.0])) @ Rotation.from_rotvec(turn_rad).as_matrix()
     left, right = (project(points) + rng.normal(0.0, noise_px, (count, 2)) for points in (points_m, in_right))
     right[count - wrong :] += rng.uniform(-12.0, 12.0, (wrong, 2))
     calibration = StereoCalibration((640, 480), K, DIST, K, DIST, np.eye(3), np.array([-0.06, 0.0, 0.0]))

@@ -41,10 +41,11 @@ def nearer_edge(view: BoardView) -> Tilt:
     ends = {Tilt.LEFT_NEARER: grid[[0, -1], 0], Tilt.RIGHT_NEARER: grid[[0, -1], -1],
             Tilt.UPPER_NEARER: grid[0, [0, -1]] * 4 / 6, Tilt.LOWER_NEARER: grid[-1, [0, -1]] * 4 / 6}  # fmt: skip
     lengths = {tilt: float(np.linalg.norm(end[1] - end[0])) for tilt, end in ends.items()}
-    sides = lengths[Tilt.LEFT_NEARER] - lengths[Tilt.RIGHT_NEARER], lengths[Tilt.UPPER_NEARER] - lengths[Tilt.LOWER_NEARER]
-    if abs(sides[0]) > abs(sides[1]):
-        return Tilt.LEFT_NEARER if sides[0] > 0 else Tilt.RIGHT_NEARER
-    return Tilt.UPPER_NEARER if sides[1] > 0 else Tilt.LOWER_NEARER
+    across = lengths[Tilt.LEFT_NEARER] - lengths[Tilt.RIGHT_NEARER]
+    down = lengths[Tilt.UPPER_NEARER] - lengths[Tilt.LOWER_NEARER]
+    if abs(across) > abs(down):
+        return Tilt.LEFT_NEARER if across > 0 else Tilt.RIGHT_NEARER
+    return Tilt.UPPER_NEARER if down > 0 else Tilt.LOWER_NEARER
 
 
 @pytest.mark.parametrize("tilt", [tilt for tilt in Tilt if tilt is not Tilt.FACING])

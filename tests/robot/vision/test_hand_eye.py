@@ -122,7 +122,7 @@ def test_turns_by_more_than_half_a_circle_do_no_harm() -> None:
 
 def test_too_few_poses_and_nan_are_refused() -> None:
     poses = turned([(0.25 * (k % 2), 0.12 * k, 0.0) for k in range(8)])
-    with pytest.raises(ValueError, match="at least 6 poses .* found 5"):
+    with pytest.raises(ValueError, match=r"at least 6 poses .* found 5"):
         solve_hand_eye(poses[:5])
     broken = replace(poses[2], arm_from_tool=Transform(np.eye(3), np.array([0.0, np.nan, 0.0])))
     with pytest.raises(ValueError, match="pose2 holds NaN"):

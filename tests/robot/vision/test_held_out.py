@@ -122,7 +122,7 @@ def test_a_view_of_which_the_others_say_nothing_at_all_is_named() -> None:
 
 
 def test_three_views_leave_none_to_hold_out() -> None:
-    with pytest.raises(ValueError, match="at least 4 views .* found 3"):
+    with pytest.raises(ValueError, match=r"at least 4 views .* found 3"):
         hold_out(views(3, 0.0), BOARD, RIG.image_size)
     with pytest.raises(ValueError, match="at least one view"):
         judge_rig([], BOARD, RIG)
