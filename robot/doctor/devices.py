@@ -30,7 +30,7 @@ OPEN_S = 5.0
 LOOK_S = 5.0
 CAMERA_STALE_S = 0.5
 CLOCKS_APART = timedelta(seconds=5)
-PAIRS_FOR_ROWS = 12
+ROWS_S = 2.5  # for enough pairs to tell whether the calibration holds
 DARK, BRIGHT = 20.0, 235.0  # mean code of a usable picture
 WEAK_DBM = -100.0
 
@@ -190,9 +190,9 @@ async def look_at_camera(camera: StereoCamera) -> AsyncIterator[Finding]:
 
 async def _rows(camera: WatchedCamera) -> Finding:
     """Whether points lie on the rows on which the calibration has them."""
-    for _ in range(PAIRS_FOR_ROWS):
-        if camera.watch.misalignment is not None:
-            break
+    loop = asyncio.get_running_loop()
+    until_s = loop.time() + ROWS_S
+    while camera.watch.misalignment is None and loop.time() < until_s:
         await camera.capture()
     found = camera.watch.misalignment
     verdict = Verdict.UNSURE if found is None else found.verdict()
