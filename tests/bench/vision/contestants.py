@@ -36,9 +36,9 @@ OWN: tuple[Key, ...] = ("paper", "fruit")
 
 def make(key: Key) -> Detector:
     """A detector with its default parameters."""
-    if key in ("paper", "fruit"):
-        return make_detector(key)
-    return tuned_rival(key)
+    if key == "hough" or key == "excess green":
+        return tuned_rival(key)
+    return make_detector(key)
 
 
 def make_staged(key: Key, on_stage: Callable[[str], None]) -> Detector:

@@ -2,28 +2,38 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Literal
 
-from tests.bench.vision.contestants import Key
-from tests.bench.vision.groups import GROUPINGS, SIZES, Grouping, grouped
-from tests.bench.vision.results import Results, StereoResult
-from tests.bench.vision.scoring import Judged, Statistics, statistics_of, together
-from tests.bench.vision.twin_scenes import SINGLE_DISTANCES_M
+from tests.bench.vision.contestants import CONTESTANTS, Key
+from tests.bench.vision.goal_figures import (
+    Figures,
+    all_singles,
+    diameter_of,
+    dusk_against_noon,
+    error_of,
+    milliseconds,
+    of_singles,
+    overall_of,
+    photo_f1,
+    precision_of,
+    recognition_of,
+    spread_of,
+)
+from tests.bench.vision.results import Results
+from tests.bench.vision.scoring import statistics_of
 
-Figures = tuple[float | None, ...]
 Better = Literal["more", "less", "nearer to 0"]
 Verdict = Literal["stretch met", "met", "not met", "not measured"]
-
-DUSK_AND_DAWN, NOON = (8, 18, 20), (10, 12, 14)
-_SIZE: Grouping = next(grouping for grouping in GROUPINGS if grouping.key == "size")
-_WITHIN = SIZES[1:5]  # 5 to 14 cm
 
 
 @dataclass(frozen=True, slots=True)
 class Goal:
-    """A row of the table. ``figures`` gives as many numbers as ``goal`` and ``stretch`` have; ``form`` writes one."""
+    """A row of the table. ``figures`` gives as many numbers as ``goal`` and ``stretch`` have; ``form`` writes one.
+
+    ``short`` heads its column where all contestants stand side by side, "": it has none.
+    """
 
     quantity: str
     figures: Callable[[Results, Key], Figures]
@@ -32,6 +42,7 @@ class Goal:
     better: Better
     form: str
     unit: str = ""
+    short: str = ""
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,6 +61,15 @@ class GoalRow:
 def goal_rows(results: Results) -> tuple[GoalRow, ...]:
     """All goals in the order of the table."""
     return (*(_row(goal, results) for goal in GOALS), _honesty(results), _memory(results))
+
+
+def side_by_side(results: Results) -> tuple[tuple[str, ...], tuple[tuple[str, tuple[str, ...]], ...]]:
+    """The main figures of every contestant: heads, and rows of its title and texts."""
+    goals = [goal for goal in GOALS if goal.short]
+    rows = tuple(
+        (one.title, tuple(_written(goal, goal.figures(results, one.key)) for goal in goals)) for one in CONTESTANTS
+    )
+    return tuple(goal.short for goal in goals), rows
 
 
 def verdict_of(goal: Goal, figures: Figures) -> Verdict:
@@ -90,89 +110,12 @@ def _written(goal: Goal, figures: Figures) -> str:
     return " / ".join(texts) + (f" {goal.unit}" if goal.unit else "")
 
 
-def _overall(result: StereoResult | None, key: Key, kinds: Collection[str] | None = None) -> Statistics | None:
-    return None if result is None else statistics_of(result.judged(key, kinds).sightings)
-
-
-def _recognition(kinds: Collection[str] | None) -> Callable[[Results, Key], Figures]:
-    def figures(results: Results, key: Key) -> Figures:
-        overall = _overall(results.rendered, key, kinds)
-        return (None if overall is None else overall.recognition,)
-
-    return figures
-
-
-def _precision(results: Results, key: Key) -> Figures:
-    return (None if results.rendered is None else results.rendered.judged(key).precision,)
-
-
-def _dusk_against_noon(results: Results, key: Key) -> Figures:
-    if results.rendered is None:
-        return (None,)
-    sightings = results.rendered.judged(key).sightings
-    dusk, noon = (
-        statistics_of([s for s in sightings if s.scene.hour in hours]).recognition for hours in (DUSK_AND_DAWN, NOON)
-    )
-    return (dusk / noon if dusk is not None and noon else None,)
-
-
-def _spread(results: Results, key: Key) -> Figures:
-    if results.rendered is None:
-        return (None,)
-    rates = [
-        100.0 * group.statistics.recognition
-        for group in grouped(results.rendered.judged(key), _SIZE)
-        if group.name in _WITHIN and group.statistics.recognition is not None
-    ]
-    return (max(rates) - min(rates) if rates else None,)
-
-
-def _error(results: Results, key: Key) -> Figures:
-    overall = _overall(results.rendered, key)
-    return (None, None) if overall is None else (overall.error_median_mm, overall.error_p95_mm)
-
-
-def _of_singles(name: Literal["error_median_mm", "depth_bias_mm"]) -> Callable[[Results, Key], Figures]:
-    """At each distance."""
-
-    def figures(results: Results, key: Key) -> Figures:
-        overall = [_overall(results.singles.get(distance_m), key) for distance_m in SINGLE_DISTANCES_M]
-        return tuple(None if one is None else getattr(one, name) for one in overall)
-
-    return figures
-
-
-def all_singles(results: Results, key: Key) -> Judged:
-    """Single fruit at every distance."""
-    return together(one.judged(key) for one in results.singles.values())
-
-
-def _diameter(results: Results, key: Key) -> Figures:
-    overall = _overall(results.rendered, key)
-    alone = statistics_of(all_singles(results, key).sightings).diameter_error_median_percent
-    return (alone, None if overall is None else overall.diameter_error_median_percent)
-
-
-def _photo_f1(results: Results, key: Key) -> Figures:
-    return (None if results.photos is None else results.photos.score(key).f1,)
-
-
-def _milliseconds(size: str) -> Callable[[Results, Key], Figures]:
-    """Of the first set at that size: the rendered greenhouse at 640x480 where it is there, else the twin."""
-
-    def figures(results: Results, key: Key) -> Figures:
-        rows = [row for row in results.times if row.size == size and row.contestant == key]
-        return (rows[0].total.median_ms if rows else None,)
-
-    return figures
-
-
 def _honesty(results: Results) -> GoalRow:
     """The share of 3-D errors within 2 sigma: rendered greenhouse / single fruit of the twin."""
     texts: dict[Key, str] = {}
     measured: Figures = ()
     for key in ("paper", "fruit"):
-        overall = _overall(results.rendered, key)
+        overall = overall_of(results.rendered, key)
         alone = statistics_of(all_singles(results, key).sightings).in_two_sigma
         measured = (None if overall is None else overall.in_two_sigma, alone)
         texts[key] = " / ".join("–" if share is None else f"{100.0 * share:.0f} %" for share in measured)
@@ -204,49 +147,122 @@ def _memory(results: Results) -> GoalRow:
 
 GOALS = (
     Goal(
-        "recognition, red + turning, visible ≥ 0.6, all hours",
-        _recognition(("red", "turning")),
-        (0.97,),
-        (0.99,),
-        "more",
-        ".3f",
-    ),
-    Goal("recognition, green, visible ≥ 0.6", _recognition(("green",)), (0.85,), (0.93,), "more", ".3f"),
-    Goal("recognition, all", _recognition(None), (0.94,), (0.97,), "more", ".3f"),
-    Goal("precision in the same run", _precision, (0.96,), (0.98,), "more", ".3f"),
-    Goal(
-        "dusk and dawn (8, 18, 20 h) against noon (10 to 14 h)", _dusk_against_noon, (0.93,), (0.97,), "more", ".2f"
-    ),
-    Goal("spread between diameter bins 5-14 cm", _spread, (5.0,), (3.0,), "less", ".1f", "points"),
-    Goal("3-D error 640x480, median / 95 %", _error, (4.0, 15.0), (2.5, 10.0), "less", ".3g", "mm"),
-    Goal(
-        "3-D error 1280x720, unoccluded, at 0.3 / 0.5 / 0.8 m (twin), median",
-        _of_singles("error_median_mm"),
-        (0.6, 1.0, 2.5),
-        (0.3, 0.6, 1.3),
-        "less",
-        ".2f",
-        "mm",
+        quantity="recognition, red + turning, visible ≥ 0.6, all hours",
+        figures=recognition_of(("red", "turning")),
+        goal=(0.97,),
+        stretch=(0.99,),
+        better="more",
+        form=".3f",
+        short="red + turning",
     ),
     Goal(
-        "depth bias, 1280x720, unoccluded, at 0.3 / 0.5 / 0.8 m (twin)",
-        _of_singles("depth_bias_mm"),
-        (0.5, 0.5, 0.5),
-        (0.2, 0.2, 0.2),
-        "nearer to 0",
-        ".2f",
-        "mm",
+        quantity="recognition, green, visible ≥ 0.6",
+        figures=recognition_of(("green",)),
+        goal=(0.85,),
+        stretch=(0.93,),
+        better="more",
+        form=".3f",
+        short="green",
     ),
     Goal(
-        "diameter, unoccluded (twin) / all found (rendered), median",
-        _diameter,
-        (1.0, 3.0),
-        (0.5, 2.0),
-        "less",
-        ".2g",
-        "%",
+        quantity="recognition, all",
+        figures=recognition_of(None),
+        goal=(0.94,),
+        stretch=(0.97,),
+        better="more",
+        form=".3f",
+        short="all",
     ),
-    Goal("real photos (val split), F1 at IoU 0.5", _photo_f1, (0.80,), (0.90,), "more", ".3f"),
-    Goal("ms per 1280x720 pair, one core, whole pipeline", _milliseconds("1280x720"), (40.0,), (20.0,), "less", ".0f"),
-    Goal("ms per 640x480 pair", _milliseconds("640x480"), (25.0,), (12.0,), "less", ".0f"),
+    Goal(
+        quantity="precision in the same run",
+        figures=precision_of,
+        goal=(0.96,),
+        stretch=(0.98,),
+        better="more",
+        form=".3f",
+        short="precision",
+    ),
+    Goal(
+        quantity="dusk and dawn (8, 18, 20 h) against noon (10 to 14 h)",
+        figures=dusk_against_noon,
+        goal=(0.93,),
+        stretch=(0.97,),
+        better="more",
+        form=".2f",
+        short="dusk / noon",
+    ),
+    Goal(
+        quantity="spread between diameter bins 5-14 cm",
+        figures=spread_of,
+        goal=(5.0,),
+        stretch=(3.0,),
+        better="less",
+        form=".1f",
+        unit="points",
+    ),
+    Goal(
+        quantity="3-D error 640x480, median / 95 %",
+        figures=error_of,
+        goal=(4.0, 15.0),
+        stretch=(2.5, 10.0),
+        better="less",
+        form=".3g",
+        unit="mm",
+        short="3-D error",
+    ),
+    Goal(
+        quantity="3-D error 1280x720, unoccluded, at 0.3 / 0.5 / 0.8 m (twin), median",
+        figures=of_singles("error_median_mm"),
+        goal=(0.6, 1.0, 2.5),
+        stretch=(0.3, 0.6, 1.3),
+        better="less",
+        form=".2f",
+        unit="mm",
+    ),
+    Goal(
+        quantity="depth bias, 1280x720, unoccluded, at 0.3 / 0.5 / 0.8 m (twin)",
+        figures=of_singles("depth_bias_mm"),
+        goal=(0.5, 0.5, 0.5),
+        stretch=(0.2, 0.2, 0.2),
+        better="nearer to 0",
+        form=".2f",
+        unit="mm",
+    ),
+    Goal(
+        quantity="diameter, unoccluded (twin) / all found (rendered), median",
+        figures=diameter_of,
+        goal=(1.0, 3.0),
+        stretch=(0.5, 2.0),
+        better="less",
+        form=".2g",
+        unit="%",
+        short="diameter",
+    ),
+    Goal(
+        quantity="real photos (val split), F1 at IoU 0.5",
+        figures=photo_f1,
+        goal=(0.80,),
+        stretch=(0.90,),
+        better="more",
+        form=".3f",
+        short="photos, F1",
+    ),
+    Goal(
+        quantity="ms per 1280x720 pair, one core, whole pipeline",
+        figures=milliseconds("1280x720"),
+        goal=(40.0,),
+        stretch=(20.0,),
+        better="less",
+        form=".0f",
+        short="ms, 1280x720",
+    ),
+    Goal(
+        quantity="ms per 640x480 pair",
+        figures=milliseconds("640x480"),
+        goal=(25.0,),
+        stretch=(12.0,),
+        better="less",
+        form=".0f",
+        short="ms, 640x480",
+    ),
 )

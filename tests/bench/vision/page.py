@@ -14,7 +14,7 @@ import numpy as np
 
 from tests.bench.vision.contestants import CONTESTANTS, Contestant
 from tests.bench.vision.gallery import Picture, photo_pictures, scene_pictures
-from tests.bench.vision.goals import goal_rows
+from tests.bench.vision.goals import goal_rows, side_by_side
 from tests.bench.vision.groups import GROUPINGS, Group, Grouping, grouped
 from tests.bench.vision.photo_scoring import recall_by_group
 from tests.bench.vision.plots import Point, Series, chart, legend, wilson
@@ -81,6 +81,7 @@ def render(results: Results, when: str) -> str:
         legend=legend([(one.title, one.colour, one.mark) for one in CONTESTANTS]),
         absent=results.absent,
         goals=goal_rows(results),
+        side_by_side=side_by_side(results),
         sections=[_section(one) for one in (results.rendered, results.rows) if one is not None],
         singles=_singles(results),
         photos=None if results.photos is None else _photos(results.photos),

@@ -1,7 +1,8 @@
 """What a user would pick instead: circles by the Hough transform, and contours of an excess-green threshold.
 
-Both find circles in one image; the two images' circles are matched by the row and triangulated, as the paper does it.
-Lengths are shares of the image's width, so that one set of values serves every size of image.
+Both find circles in one image; the two images' circles are matched by the row and triangulated, as the paper does it,
+but only circles of like size, and of a fruit's size where they would lie, are matched. Lengths are shares of the
+image's width, so that one set of values serves every size of image.
 """
 
 from __future__ import annotations
@@ -18,7 +19,7 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from robot.vision.matching import match_by_row, mean_focal_px, rectified
+from robot.vision.matching import mean_focal_px, rectified
 from robot.vision.paper.ripeness import ripeness_of, ripeness_score
 from robot.vision.stereo_rig import StereoRig
 from robot.vision.triangulation import point_covariance, triangulate
@@ -27,8 +28,11 @@ from robot.vision.values import Circle, Fruit
 Image = npt.NDArray[np.uint8]
 Array = npt.NDArray[np.float64]
 
+RivalName = Literal["hough", "excess green"]
+
 TUNED = Path(__file__).with_name("rival_values.json")
 _DISTANCES_M, _DIAMETERS_M = (0.2, 1.5), (0.035, 0.17)
+_LIKE_SIZE = 0.25  # of the logarithm of the radii's ratio
 _SIGMA_PX = 2.0
 MOST_CIRCLES = 100  # of one image, the best
 
@@ -110,14 +114,12 @@ class ExcessGreenValues:
         total = floats.sum(axis=2)
         index = (3.0 * floats[:, :, 1] - total) / np.maximum(total, 1.0)
         inside = (index >= self.low) & (index <= self.high) & (total >= 3.0 * self.min_code)
-        mask = inside.astype(np.uint8)
+        mask: Image = inside.astype(np.uint8)
         for operation, size in ((cv2.MORPH_OPEN, self.open_size), (cv2.MORPH_CLOSE, self.close_size)):
             side = round(size * image.shape[1])
             if side > 1:
-                mask = np.asarray(
-                    cv2.morphologyEx(mask, operation, cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (side, side))),
-                    dtype=np.uint8,
-                )
+                disc = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (side, side))
+                mask = np.asarray(cv2.morphologyEx(mask, operation, disc), dtype=np.uint8)
         return mask
 
     def _circle_of(self, contour: npt.NDArray[Any], area: float) -> tuple[float, float, float]:
@@ -149,30 +151,52 @@ class Rival:
 def located(
     left: tuple[Circle, ...], right: tuple[Circle, ...], rig: StereoRig, row_tolerance: float
 ) -> tuple[Fruit, ...]:
-    """Circles of both stored images matched by the row and triangulated; what is no fruit by its size is left out."""
+    """Circles of both stored images matched by the row and triangulated; ``row_tolerance`` is a share of the width."""
     if not left or not right:
         return ()
     left_px, right_px = (np.array([(c.u_px, c.v_px) for c in side]) for side in (left, right))
-    reach_px_m = mean_focal_px(rig.K_left, rig.K_right) * rig.baseline_m
-    disparity_px = (reach_px_m / _DISTANCES_M[1], reach_px_m / _DISTANCES_M[0])
-    tolerance_px = row_tolerance * rig.image_size[0]
-    pairs = match_by_row(*rectified(rig, left_px, right_px), tolerance_px, disparity_px)
+    left_r_px, right_r_px = (np.array([c.r_px for c in side]) for side in (left, right))
+    straight_left, straight_right = rectified(rig, left_px, right_px)
+    row_distance = np.abs(straight_left[:, None, 1] - straight_right[None, :, 1])
+    disparity = straight_left[:, None, 0] - straight_right[None, :, 0]
+    focal_px = mean_focal_px(rig.K_left, rig.K_right)
+    distance_m = focal_px * rig.baseline_m / np.maximum(disparity, 1e-6)
+    diameter_m = (left_r_px[:, None] + right_r_px[None, :]) / focal_px * distance_m
+    fits = (
+        (row_distance <= row_tolerance * rig.image_size[0])
+        & (np.abs(np.log(left_r_px[:, None] / right_r_px[None, :])) <= _LIKE_SIZE)
+        & _within(distance_m, _DISTANCES_M)
+        & _within(diameter_m, _DIAMETERS_M)
+    )
+    pairs = _nearest_rows_first(np.where(fits, row_distance, np.inf))
     if not pairs:
         return ()
     rows, columns = (list(side) for side in zip(*pairs, strict=True))
     centres_m = triangulate(
         rig.P_left, rig.P_right, rig.undistort_left(left_px[rows]), rig.undistort_right(right_px[columns])
     )
-    fruits = [_fruit(centre_m, left[i], right[j], rig) for (i, j), centre_m in zip(pairs, centres_m, strict=True)]
-    return tuple(fruit for fruit in fruits if fruit is not None)
+    return tuple(
+        _fruit(centre_m, left[i], right[j], rig) for (i, j), centre_m in zip(pairs, centres_m, strict=True)
+    )
 
 
-def _fruit(centre_m: Array, left: Circle, right: Circle, rig: StereoRig) -> Fruit | None:
-    if not (np.isfinite(centre_m).all() and centre_m[2] > 0.0):
-        return None
+def _nearest_rows_first(row_distance: Array) -> list[tuple[int, int]]:
+    """Pairs of a left and a right index, each once; an infinite distance is none."""
+    left = row_distance.copy()
+    pairs = []
+    while np.isfinite(left).any():
+        i, j = np.unravel_index(int(np.argmin(left)), left.shape)
+        left[i], left[:, j] = np.inf, np.inf
+        pairs.append((int(i), int(j)))
+    return sorted(pairs)
+
+
+def _within(values: Array, bounds: tuple[float, float]) -> npt.NDArray[np.bool_]:
+    return np.asarray((values >= bounds[0]) & (values <= bounds[1]))
+
+
+def _fruit(centre_m: Array, left: Circle, right: Circle, rig: StereoRig) -> Fruit:
     diameter_m = (left.r_px / mean_focal_px(rig.K_left) + right.r_px / mean_focal_px(rig.K_right)) * float(centre_m[2])
-    if not _DIAMETERS_M[0] <= diameter_m <= _DIAMETERS_M[1]:
-        return None
     covariance = point_covariance(rig.P_left, rig.P_right, centre_m, _SIGMA_PX)
     return Fruit(
         centre_m=centre_m,
@@ -200,7 +224,7 @@ def tuned() -> dict[str, Any]:
     return content
 
 
-def tuned_rival(name: Literal["hough", "excess green"]) -> Rival:
+def tuned_rival(name: RivalName) -> Rival:
     """A rival with its tuned values."""
     make: Callable[..., RivalValues] = HoughValues if name == "hough" else ExcessGreenValues
     values = tuned()[name]

@@ -29,7 +29,7 @@ Score = Callable[[RivalValues, int | None], float]  # on so many pictures, None:
 
 def random_hough(dice: np.random.Generator) -> HoughValues:
     return HoughValues(
-        channel=("grey", "red")[int(dice.integers(2))],  # type: ignore[arg-type]
+        channel=("grey", "red")[int(dice.integers(2))],
         width_px=int(dice.choice([200, 280, 400])),
         blur_px=int(dice.choice([3, 5, 7, 9])),
         dp=float(dice.choice([1.0, 1.5, 2.0])),
@@ -37,7 +37,7 @@ def random_hough(dice: np.random.Generator) -> HoughValues:
         edge=_log(dice, 20.0, 200.0),
         votes=_log(dice, 12.0, 70.0),
         min_radius=_log(dice, 0.015, 0.06),
-        max_radius=_log(dice, 0.08, 0.25),
+        max_radius=_log(dice, 0.065, 0.25),
         row_tolerance=_log(dice, 0.002, 0.02),
     )
 
