@@ -43,7 +43,7 @@ def results() -> Results:
 
 
 def test_single_fruit_are_wholly_in_both_views_at_their_distance() -> None:
-    pictures = twin_singles(0.3, 6)
+    pictures = twin_singles(0.3, 3)
     scenes = [pictures.load(name) for name in pictures.names]
     for scene in scenes:
         (fruit,) = scene.fruits
