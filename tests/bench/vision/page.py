@@ -89,7 +89,6 @@ def render(results: Results, when: str) -> str:
         time_sets=list(dict.fromkeys((row.pictures, row.size) for row in results.times)),
         throughput=results.throughput,
         tuned=_tuned(),
-        how_tuned=tuned()["how"],
         galleries=[(one, _by_kind(scene_pictures(pictured, one.key))) for one in CONTESTANTS],
         gallery_title=pictured.pictures.title,
         photo_galleries=[]
@@ -204,12 +203,17 @@ def _photos(result: PhotoResult) -> dict[str, Any]:
     }
 
 
-def _tuned() -> list[tuple[str, str, float, str]]:
-    """Rival, kind of picture, F1 on the train split, values."""
+def _tuned() -> list[tuple[str, str, float, str, str]]:
+    """Rival, kind of picture, F1 on the train split, how it was tuned, values."""
     return [
-        (rival, kind, found["train_f1"], ", ".join(f"{key} {value}" for key, value in found["values"].items()))
+        (
+            rival,
+            kind,
+            found["train_f1"],
+            found["how"],
+            ", ".join(f"{key} {value}" for key, value in found["values"].items()),
+        )
         for rival, kinds in tuned().items()
-        if isinstance(kinds, dict)
         for kind, found in kinds.items()
     ]
 

@@ -219,7 +219,7 @@ def _circle(image: Image, u: float, v: float, r: float, confidence: float) -> Ci
 
 @cache
 def tuned() -> dict[str, Any]:
-    """What ``tune_rivals`` wrote: values by rival and kind of picture, and how they were found."""
+    """What ``tune_rivals`` wrote: by rival and kind of picture (scenes, photos) the values and how they were found."""
     content: dict[str, Any] = json.loads(TUNED.read_text(encoding="utf-8"))
     return content
 

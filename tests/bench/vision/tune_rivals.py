@@ -18,9 +18,9 @@ import cv2
 import numpy as np
 
 from tests.bench.vision.datasets import ABSENT, GREENHOUSE, PHOTOS, greenhouse, photographs
-from tests.bench.vision.labelled import Photo, StereoScene
+from tests.bench.vision.labelled import PhotoSet, StereoSet
 from tests.bench.vision.photo_scoring import judge_photo, photo_score
-from tests.bench.vision.rivals import TUNED, ExcessGreenValues, HoughValues, Rival, RivalValues
+from tests.bench.vision.rivals import TUNED, ExcessGreenValues, HoughValues, Rival, RivalValues, tuned
 from tests.bench.vision.scoring import judge, together
 
 SCENES, PHOTOGRAPHS, FIRST_LOOK, SEED = 25, 50, 6, 5
@@ -58,6 +58,12 @@ def random_excess_green(dice: np.random.Generator) -> ExcessGreenValues:
     )
 
 
+DRAWS: dict[str, Callable[[np.random.Generator], RivalValues]] = {
+    "hough": random_hough,
+    "excess green": random_excess_green,
+}
+
+
 def stepped(values: RivalValues, dice: np.random.Generator) -> RivalValues:
     """One or two of the numbers changed by up to a quarter."""
     changed: dict[str, float] = {}
@@ -84,7 +90,9 @@ def best(draw: Callable[[np.random.Generator], RivalValues], score: Score, draws
     return champion, record
 
 
-def scenes_score(scenes: Sequence[StereoScene]) -> Score:
+def scenes_score(pictures: StereoSet) -> Score:
+    scenes = [pictures.load(name) for name in pictures.names]
+
     def score(values: RivalValues, count: int | None) -> float:
         rival = Rival(values, values)
         judged = together(judge(s.facts, s.fruits, rival.detect(s.left, s.right, s.rig)) for s in scenes[:count])
@@ -94,7 +102,9 @@ def scenes_score(scenes: Sequence[StereoScene]) -> Score:
     return score
 
 
-def photos_score(photos: Sequence[Photo]) -> Score:
+def photos_score(pictures: PhotoSet) -> Score:
+    photos = [pictures.load(name) for name in pictures.names]
+
     def score(values: RivalValues, count: int | None) -> float:
         return photo_score([judge_photo(photo, values.circles(photo.image)) for photo in photos[:count]]).f1
 
@@ -104,31 +114,27 @@ def photos_score(photos: Sequence[Photo]) -> Score:
 def main(arguments: Sequence[str] | None = None) -> int:
     parser = argparse.ArgumentParser(prog="python -m tests.bench.vision.tune_rivals", description=__doc__)
     parser.add_argument("--draws", type=int, default=150, help="random values tried for each rival and set")
-    draws = parser.parse_args(arguments).draws
+    parser.add_argument("--rival", choices=DRAWS, help="this rival alone; the other's values stay")
+    parser.add_argument("--pictures", choices=("scenes", "photos"), help="these pictures alone")
+    options = parser.parse_args(arguments)
     scenes, photos = greenhouse("train"), photographs("train")
     if scenes is None or photos is None:
         missing = GREENHOUSE / "train" if scenes is None else PHOTOS
         sys.stderr.write(f"the train split was {ABSENT.format(missing)}\n")
         return 1
     cv2.setNumThreads(1)
-    some_scenes, some_photos = scenes.first(SCENES), photos.first(PHOTOGRAPHS)
-    scores = {
-        "scenes": scenes_score([some_scenes.load(name) for name in some_scenes.names]),
-        "photos": photos_score([some_photos.load(name) for name in some_photos.names]),
-    }
-    found: dict[str, Any] = {
-        "how": f"{draws} random values and {draws // 3} steps from the best each, on {SCENES} scenes of the rendered "
-        f"greenhouse's train split for pairs and {PHOTOGRAPHS} photographs of the train split for photographs; "
-        "kept: the best F1",
-    }
-    for rival, draw in (("hough", random_hough), ("excess green", random_excess_green)):
-        found[rival] = {}
-        for kind, score in scores.items():
-            values, f1 = best(draw, score, draws)
-            found[rival][kind] = {"values": _rounded(asdict(values)), "train_f1": round(f1, 3)}
+    found = dict(tuned()) if TUNED.exists() else {}
+    for kind in ("scenes", "photos") if options.pictures is None else (options.pictures,):
+        some: StereoSet | PhotoSet = scenes.first(SCENES) if kind == "scenes" else photos.first(PHOTOGRAPHS)
+        score = scenes_score(some) if isinstance(some, StereoSet) else photos_score(some)
+        for rival in DRAWS if options.rival is None else (options.rival,):
+            values, f1 = best(DRAWS[rival], score, options.draws)
+            how = f"{options.draws} random values and {options.draws // 3} steps on {len(some.names)} pictures"
+            entry = {"values": _rounded(asdict(values)), "train_f1": round(f1, 3), "how": how}
+            found[rival] = {**found.get(rival, {}), kind: entry}
+            TUNED.write_text(json.dumps(found, indent=1) + "\n", encoding="utf-8")
             sys.stdout.write(f"{rival}, {kind}: F1 {f1:.3f} with {values}\n")
             sys.stdout.flush()
-    TUNED.write_text(json.dumps(found, indent=1) + "\n", encoding="utf-8")
     return 0
 
 
