@@ -9,7 +9,7 @@ OUT    ?= out/demo
 # Half of the suite waits for simulated wires: twice as many workers as cores.
 WORKERS ?= $(shell echo $$((2 * $$(nproc))))
 
-.PHONY: help demo test test-peers test-long check bench clean
+.PHONY: help demo test test-peers test-long check bench bench-vision clean
 
 help:
 	@echo "make demo       spray a simulated row and write a report (SEED=1 SPEED=10 CONFIG=configs/demo.toml)"
@@ -18,6 +18,7 @@ help:
 	@echo "make test-long  the slow tests too"
 	@echo "make check      format, lint, types, architecture"
 	@echo "make bench      speed and memory, measured"
+	@echo "make bench-vision  how well and how fast both detectors and two rivals see: a page in out/bench-vision"
 
 $(VENV)/.installed: pyproject.toml
 	$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11) and "sprayer needs Python 3.11 or newer")'
@@ -48,6 +49,9 @@ check: $(VENV)/.installed-dev
 
 bench: $(VENV)/.installed-dev
 	$(BIN)/python -m tests.bench
+
+bench-vision: $(VENV)/.installed-dev
+	$(BIN)/python -m tests.bench.vision --out out/bench-vision
 
 clean:
 	rm -rf $(VENV) out
