@@ -35,7 +35,7 @@ def refine(fit: Spheroids, full: tuple[Plane, Plane], rig: StereoRig, pair: Para
         window = np.maximum(share * radius_px, SMALLEST_WINDOW_PX)
         offset_px = window[:, None] * np.linspace(-1.0, 1.0, STEPS)
         ends = np.asarray(offset_px[:, [0, STEPS // 2, -1]] / focal, dtype=np.float64)
-        rays = outline_rays(fit, pair.eyes_m, turn, ends)
+        rays = outline_rays(fit.centre_m, fit.radius_m, fit.harmonic, pair.eyes_m, turn, ends)
         profile = np.stack([_seen(full[eye], rays[:, eye], eye, rig, pair) for eye in range(2)], axis=1)
         place, strength = _edges(profile, 2 * window / (STEPS - 1), dark)
         rows = np.arange(len(window))[:, None, None]

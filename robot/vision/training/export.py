@@ -1,0 +1,49 @@
+"""Trained networks as the ONNX files that OpenCV runs, with their digests."""
+
+from __future__ import annotations
+
+import hashlib
+import io
+import json
+from pathlib import Path
+
+import torch
+from torch import nn
+
+from robot.vision.fruit.measure import AT_ONCE
+from robot.vision.fruit.polar import ANGLES, STEPS
+from robot.vision.training.outline_model import CHANNELS, Tracer
+from robot.vision.training.proposer_model import Proposer
+
+OPSET = 13
+
+
+def export_proposer(model: Proposer) -> bytes:
+    """Takes (n, 3, h, w) with h and w multiples of 32, "planes"; gives "answer"."""
+    return _export(model, torch.zeros(2, 3, 256, 320), ["planes"], ["answer"], {"planes": {0: "n", 2: "h", 3: "w"}})
+
+
+def export_outline(model: Tracer) -> bytes:
+    """Takes (AT_ONCE, CHANNELS, ANGLES, STEPS), "planes"; gives "rays" and "verdict"."""
+    return _export(model, torch.zeros(AT_ONCE, CHANNELS, ANGLES, STEPS), ["planes"], ["rays", "verdict"], {})
+
+
+def write_models(folder: Path, files: dict[str, bytes]) -> None:
+    """``<name>.onnx`` for each and ``digests.json`` over all."""
+    folder.mkdir(parents=True, exist_ok=True)
+    for name, data in files.items():
+        (folder / f"{name}.onnx").write_bytes(data)
+    digests = {name: hashlib.sha256(data).hexdigest() for name, data in files.items()}
+    (folder / "digests.json").write_text(json.dumps(digests, indent=1, sort_keys=True) + "\n", encoding="utf-8")
+
+
+def _export(
+    model: nn.Module, example: torch.Tensor, inputs: list[str], outputs: list[str], axes: dict[str, dict[int, str]]
+) -> bytes:
+    buffer = io.BytesIO()
+    model.eval()
+    torch.onnx.export(
+        model, (example,), buffer, opset_version=OPSET, input_names=inputs, output_names=outputs,
+        dynamic_axes=axes or None, dynamo=False,
+    )  # fmt: skip
+    return buffer.getvalue()
