@@ -19,7 +19,10 @@ _FONT, _FONT_SCALE, _GAP_PX = cv2.FONT_HERSHEY_SIMPLEX, 0.38, 3
 
 
 def draw_fruits(image: Image, fruits: Sequence[Fruit], target_ids: Sequence[int] = ()) -> Image:
-    """A copy of the left BGR image with each fruit's outline, size and range, and its target's number when given."""
+    """A copy of the left BGR image with each fruit's outline, size and range, and its target's number when given.
+
+    A size that was not measured stands after "~".
+    """
     if target_ids and len(target_ids) != len(fruits):
         raise ValueError(f"need one target id a fruit, found {len(target_ids)} for {len(fruits)} fruit")
     out = image.copy()
@@ -27,7 +30,8 @@ def draw_fruits(image: Image, fruits: Sequence[Fruit], target_ids: Sequence[int]
         _draw_circle(out, fruit.left)
     for index, fruit in enumerate(fruits):  # labels last: no circle runs through them
         number = f"#{target_ids[index]} " if target_ids else ""
-        size = f"{number}{fruit.diameter_m * 1e3:.0f} mm {sphere_volume_m3(fruit.diameter_m) * 1e6:.0f} cm3"
+        about = "" if fruit.measured else "~"
+        size = f"{number}{about}{fruit.diameter_m * 1e3:.0f} mm {sphere_volume_m3(fruit.diameter_m) * 1e6:.0f} cm3"
         _draw_label(out, fruit.left, f"{size} {float(np.linalg.norm(fruit.centre_m)):.2f} m")
     return out
 

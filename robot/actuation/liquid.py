@@ -136,7 +136,7 @@ class Liquid:
             intent = Intent(
                 target_id=order.target_id, stop=order.stop, pulse=order.number, due_ml=order.due_ml,
                 dose_ml=order.dose_ml, open_s=order.open_s, pulse_s=order.pulse_s, full_ml=order.full_ml,
-                stamp_s=now_s(),
+                stamp_s=now_s(), factor=order.factor, reason=order.reason,
             )
             try:
                 intent_id = await work(lambda: self._ledger.write_intent(task_id, intent), LEDGER_WRITE_S)

@@ -30,7 +30,7 @@ class HandSettings:
 @dataclass(frozen=True, slots=True)
 class PulseOrder:
     """One valve opening of a shot. ``model_ml`` is what the flow model expects of ``open_s``; ``full_ml`` the most that
-    the board's whole pulse of ``pulse_s`` can give."""
+    the board's whole pulse of ``pulse_s`` can give; ``factor`` and ``reason`` as in the ledger's intent."""
 
     target_id: int
     stop: int
@@ -41,6 +41,8 @@ class PulseOrder:
     open_s: float
     pulse_s: float
     full_ml: float
+    factor: float = 1.0
+    reason: str = ""
 
 
 @dataclass(frozen=True, slots=True)

@@ -25,7 +25,7 @@ from robot.package_files import config_file
 from robot.report import judge, read_evidence
 from robot.runtime import RunOptions, frames_folder, ledger_path
 from robot.runtime.reach import reachable_fruits
-from robot.runtime.settings import dose_law
+from robot.runtime.settings import dose_rules
 
 
 def demo(
@@ -51,7 +51,7 @@ def demo(
     reachable = reach_of(settings, path, truth)
     with LedgerReader.open_read_only(ledger_path(out)) as ledger:
         evidence = read_evidence(ledger)
-    judgement = judge(evidence, truth, reachable, dose_law(settings).dose_ml)
+    judgement = judge(evidence, truth, reachable, dose_rules(settings).dose_ml)
     page = out / "report.html"
     write_report(page, evidence, truth, judgement, frames_folder(out))
     console = Console()

@@ -135,7 +135,7 @@ def _fruit_line(scene_id: str, fruit: Fruit) -> str:
     circle = {**_circle_fields(fruit.left), "ripeness": fruit.ripeness.value}
     confidence = round(fruit.confidence, 4)
     place = {"x": x, "y": y, "z": z, "diameter": round(fruit.diameter_m, 5)}
-    return _line({"scene_id": scene_id, **circle, **place, "confidence": confidence})
+    return _line({"scene_id": scene_id, **circle, **place, "measured": fruit.measured, "confidence": confidence})
 
 
 def _circle_fields(circle: Circle) -> dict[str, Any]:

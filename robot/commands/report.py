@@ -15,8 +15,8 @@ from robot.atomic_file import atomic_file
 from robot.config import load_config
 from robot.errors import FileError
 from robot.ledger import LedgerReader
-from robot.report import Evidence, Judgement, judge, ledger_rows, read_evidence, render, score_rows
-from robot.runtime.settings import dose_law
+from robot.report import Evidence, Judgement, judge, kind_rows, ledger_rows, read_evidence, render, score_rows
+from robot.runtime.settings import dose_rules
 
 
 def report(
@@ -32,17 +32,17 @@ def report(
     ] = None,
     task: Annotated[int | None, typer.Option("--task", min=1, metavar="N", help="Default: the newest task.")] = None,
     config: Annotated[
-        Path | None, typer.Option("--config", metavar="FILE", help="With --truth: judge by this dose law.")
+        Path | None, typer.Option("--config", metavar="FILE", help="With --truth: judge by this configuration's doses.")
     ] = None,
 ) -> None:
     """Write a self-contained HTML report, and print its result."""
     if frames is not None and not frames.is_dir():
         raise FileError(f"{frames}: no such folder; give the folder with the stops' frames")
-    law = None if config is None else dose_law(load_config(config)).dose_ml
+    due_ml = None if config is None else dose_rules(load_config(config)).dose_ml
     with LedgerReader.open_read_only(ledger) as reader:
         evidence = read_evidence(reader, task)
     record = None if truth is None else load_truth(truth)
-    judgement = None if record is None else judge(evidence, record, due_ml=law)
+    judgement = None if record is None else judge(evidence, record, due_ml=due_ml)
     page = out or ledger.parent / "report.html"
     write_report(page, evidence, record, judgement, frames or ledger.parent / "frames")
     Console().print(result_table(evidence, judgement))
@@ -60,7 +60,8 @@ def write_report(
 def result_table(evidence: Evidence, judgement: Judgement | None) -> Table:
     """The result for the terminal."""
     table = Table(title="Result", show_header=False)
-    for label, value in ledger_rows(evidence) if judgement is None else score_rows(judgement.score):
+    result = ledger_rows(evidence) if judgement is None else score_rows(judgement.score)
+    for label, value in (*result, *kind_rows(evidence)):
         table.add_row(Text(label if label[0].isupper() else f"  {label}"), Text(value))
     return table
 

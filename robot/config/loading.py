@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import difflib
 import os
+import re
 import tomllib
 from pathlib import Path
 from typing import Any, get_args
@@ -63,6 +64,10 @@ def _explain(item: Any) -> str:
     if item["type"] == "union_tag_invalid":
         return f"'{path}.backend': expected one of {item['ctx']['expected_tags']}, found '{item['ctx']['tag']}'"
     message = str(item["msg"]).removeprefix("Value error, ")
+    if item["type"] == "literal_error" and isinstance(item["input"], str):
+        known = re.findall(r"'([^']*)'", item["ctx"]["expected"])
+        near = difflib.get_close_matches(item["input"], known, n=1)
+        return f"'{path}': {message}, found '{item['input']}'" + (f"; did you mean '{near[0]}'?" if near else "")
     found = "" if isinstance(item["input"], dict) else f", found {item['input']!r}"
     return f"'{path}': {message}{found}"
 

@@ -49,12 +49,17 @@ class VisionSection(Section):
 
 
 class TargetsSection(Section):
-    """Which fruits are treated, and when two sightings are one fruit."""
+    """Which fruits are treated.
+
+    From the ripeness scores ``turning_from`` and ``red_from`` (0 green .. 1 red) a fruit counts as turning, as red.
+    """
 
     ripeness: tuple[Literal["red", "turning", "green"], ...] = ("red", "turning", "green")
+    turning_from: Annotated[float, between(0.1, 0.9)] = 0.25
+    red_from: Annotated[float, between(0.1, 0.9)] = 0.75
     min_confidence: Fraction = 0.7
     sure_confidence: Fraction = 0.95
-    min_visible: Fraction = 0.4
+    min_visible: Fraction = 0.25
     min_diameter_m: Annotated[float, between(0.01, 0.3)] = 0.035
     max_diameter_m: Annotated[float, between(0.01, 0.3)] = 0.17
 
@@ -62,6 +67,10 @@ class TargetsSection(Section):
     def _ordered(self) -> Self:
         if self.min_diameter_m >= self.max_diameter_m:
             raise ValueError("min_diameter_m must be below max_diameter_m")
+        if not self.ripeness:
+            raise ValueError("ripeness is empty: nothing would be treated; list red, turning, green or some of them")
+        if self.red_from - self.turning_from < 0.2:
+            raise ValueError("red_from must be 0.2 or more above turning_from")
         return self
 
 
@@ -89,8 +98,20 @@ class FluidSection(Section):
     tank_reserve_ml: Annotated[float, between(0.0, 50_000.0)] = 200.0
 
 
+class FactorSection(Section):
+    """What the dose of a fruit of this ripeness is multiplied by: 0.5 is half, 1 in full."""
+
+    red: Annotated[float, between(0.0, 2.0)] = 1.0
+    turning: Annotated[float, between(0.0, 2.0)] = 1.0
+    green: Annotated[float, between(0.0, 2.0)] = 1.0
+
+
 class DosingSection(Section):
-    """``coefficient`` is ml per cm3 of fruit (law volume), ml per cm2 of its surface (area) or ml (fixed)."""
+    """``coefficient`` is ml per cm3 of fruit (law volume), ml per cm2 of its surface (area) or ml (fixed).
+
+    ``hidden``: what a fruit gets of which too little is seen to measure it. "skip" nothing, "minimum" ``min_ml``,
+    "estimate" the dose of its estimated diameter less one sigma.
+    """
 
     law: Literal["volume", "area", "fixed"]
     coefficient: Annotated[float, between(1e-4, 100.0)]
@@ -98,6 +119,8 @@ class DosingSection(Section):
     max_ml: Annotated[float, between(0.1, 50.0)]
     min_pulse_s: Annotated[float, between(0.02, 1.0)] = 0.08
     max_pulse_s: Annotated[float, between(0.1, 5.0)] = 2.0
+    factor: FactorSection = FactorSection()
+    hidden: Literal["skip", "minimum", "estimate"] = "minimum"
 
     @model_validator(mode="after")
     def _ordered(self) -> Self:

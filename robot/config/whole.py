@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import math
 from typing import Self
 
 from pydantic import model_validator
@@ -78,6 +79,7 @@ class Config(BaseSettings):
             raise ValueError(
                 f"dosing.max_ml ({self.dosing.max_ml}) exceeds safety.max_shot_ml ({self.safety.max_shot_ml})"
             )
+        self._treatment_agrees()
         if isinstance(self.relay, MockRelaySection) and self.dosing.max_pulse_s > self.relay.pulse_max_s:
             raise ValueError(
                 f"dosing.max_pulse_s ({self.dosing.max_pulse_s}) exceeds relay.pulse_max_s ({self.relay.pulse_max_s}), "
@@ -92,6 +94,22 @@ class Config(BaseSettings):
         if len(self.arm.stow_rad) != len(self.arm.ready_rad):
             raise ValueError("arm.stow_rad and arm.ready_rad must name the same number of joints")
         return self
+
+    def _treatment_agrees(self) -> None:
+        for ripeness in self.targets.ripeness:
+            if getattr(self.dosing.factor, ripeness) == 0.0:
+                raise ValueError(
+                    f"dosing.factor.{ripeness} is 0, but targets.ripeness lists {ripeness} fruit as treated; "
+                    f"take '{ripeness}' out of targets.ripeness, or give it a factor"
+                )
+        fluid, dosing = self.fluid, self.dosing
+        flow_ml_s = fluid.nozzle_flow_ml_s * math.sqrt(fluid.pump_pressure_bar / fluid.nozzle_pressure_bar)
+        shortest_ml = flow_ml_s * max(0.0, dosing.min_pulse_s - fluid.valve_open_s + fluid.valve_close_s)
+        if dosing.hidden == "minimum" and dosing.min_ml < shortest_ml:
+            raise ValueError(
+                f"dosing.hidden is 'minimum', but dosing.min_ml ({dosing.min_ml:g}) is less than the shortest pulse "
+                f"gives ({shortest_ml:.2f} ml in dosing.min_pulse_s); raise min_ml, or shorten the pulse"
+            )
 
     @property
     def simulated(self) -> bool:

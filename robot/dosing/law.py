@@ -30,7 +30,11 @@ class DoseLaw:
 
     def dose_ml(self, diameter_m: float) -> float:
         """What a sphere of this diameter gets: its due, inside minimum and maximum."""
-        return min(max(self.due_ml(diameter_m), self.min_ml), self.max_ml)
+        return self.within(self.due_ml(diameter_m))
+
+    def within(self, ml: float) -> float:
+        """A dose brought inside minimum and maximum."""
+        return min(max(ml, self.min_ml), self.max_ml)
 
     def due_ml(self, diameter_m: float) -> float:
         """What the law alone asks for a sphere of this diameter: pi/6 d^3, or pi d^2 (paper, eq. 11: 4/3 pi r^3)."""

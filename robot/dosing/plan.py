@@ -1,4 +1,4 @@
-"""Fruit size to valve openings."""
+"""A dose to valve openings."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 from robot.dosing.flow import FlowModel
 from robot.dosing.law import DoseLaw
-from robot.dosing.values import Refusal, Shot
+from robot.dosing.values import Due, Refusal, Shot
 
 _ROUNDING = 1e-9
 
@@ -33,7 +33,7 @@ class Caps:
 
 
 def plan(
-    diameter_m: float,
+    due: Due,
     law: DoseLaw,
     flow: FlowModel,
     pressure_bar: float,
@@ -45,12 +45,11 @@ def plan(
     A cap on the shot shortens the dose and is named in ``limit``; a total with too little left refuses the whole dose,
     since half a dose is neither treated nor untreated.
     """
-    if not 0.0 < diameter_m < math.inf:
-        return Refusal(f"the fruit has no usable diameter ({diameter_m} m)")
+    if not 0.0 <= due.ml < math.inf:
+        return Refusal(f"the dose that is due is no amount ({due.ml} ml)")
     if not 0.0 < pressure_bar < math.inf:
         return Refusal(f"no pressure at the nozzle ({pressure_bar} bar)")
-    due_ml = law.due_ml(diameter_m)
-    dose_ml, limit = due_ml, ""
+    dose_ml, limit = due.ml, ""
     if dose_ml < law.min_ml:
         dose_ml, limit = law.min_ml, "minimum dose"
     if dose_ml > law.max_ml:
@@ -67,7 +66,14 @@ def plan(
             f"{dose_ml:.2f} ml cannot be given: a pulse of {pulses.min_s:.3f} to {pulses.max_s:.3f} s "
             f"gives {least_ml:.2f} to {flow.volume_ml(pulses.max_s, pressure_bar):.2f} ml"
         )
-    return Shot(due_ml=due_ml, dose_ml=dose_ml, open_s=open_s, limit="" if dose_ml == due_ml else limit)
+    return Shot(
+        due_ml=due.ml,
+        dose_ml=dose_ml,
+        open_s=open_s,
+        limit="" if dose_ml == due.ml else limit,
+        factor=due.factor,
+        basis=due.basis,
+    )
 
 
 def _pulses(dose_ml: float, flow: FlowModel, pressure_bar: float, limits: PulseLimits) -> tuple[float, ...]:

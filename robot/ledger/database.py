@@ -9,7 +9,8 @@ from pathlib import Path
 from urllib.parse import quote
 
 from robot.errors import FileError
-from robot.ledger.schema import APPLICATION_ID, SCHEMA, SCHEMA_VERSION
+from robot.ledger.migration import bring_up_to_date, see_as_up_to_date
+from robot.ledger.schema import APPLICATION_ID, SCHEMA_VERSION
 
 _BUSY_MS = 5000
 
@@ -40,6 +41,7 @@ def open_for_reading(path: Path) -> sqlite3.Connection:
     try:
         with readable_errors(path):
             _check_kind(connection, path, may_be_empty=False)
+            see_as_up_to_date(connection, _pragma(connection, "user_version"))
     except BaseException:
         connection.close()
         raise
@@ -98,10 +100,7 @@ def _set_up(connection: sqlite3.Connection, path: Path) -> None:
         raise FileError(f"{path}: this file system cannot hold a write-ahead log (mode {mode}); use a local disk")
     connection.execute("PRAGMA synchronous = FULL")
     connection.execute("PRAGMA foreign_keys = ON")
-    if _pragma(connection, "user_version") == 0:
-        connection.executescript(
-            f"BEGIN; PRAGMA application_id = {APPLICATION_ID}; {SCHEMA} PRAGMA user_version = {SCHEMA_VERSION}; COMMIT;"
-        )
+    bring_up_to_date(connection, _pragma(connection, "user_version"))
 
 
 def _pragma(connection: sqlite3.Connection, name: str) -> int:

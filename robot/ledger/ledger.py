@@ -90,7 +90,7 @@ class Ledger(LedgerReader):
         with self._transaction() as db:
             row = db.execute(
                 "INSERT INTO intent (task_id, run_id, utc, target_id, stop, pulse, due_ml, dose_ml, open_s, pulse_s,"
-                " full_ml, stamp_s) VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?)",
+                " full_ml, stamp_s, factor, reason) VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?)",
                 (
                     task_id,
                     self._run(),
@@ -104,6 +104,8 @@ class Ledger(LedgerReader):
                     intent.pulse_s,
                     intent.full_ml,
                     intent.stamp_s,
+                    intent.factor,
+                    intent.reason,
                 ),
             )
             return _id(row)
@@ -137,13 +139,16 @@ class Ledger(LedgerReader):
         """Write targets, new or changed, all or none."""
         with self._transaction() as db:
             db.executemany(
-                "INSERT INTO target VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?) ON CONFLICT DO UPDATE SET"
+                "INSERT INTO target (task_id, id, x_m, y_m, z_m, covariance_m2, diameter_m, diameter_sigma_m, ripeness,"
+                " ripeness_score, confidence, visible_fraction, sightings, last_seen_s, state, reason, measured,"
+                " ripeness_weight) VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?)"
+                " ON CONFLICT DO UPDATE SET"
                 " x_m = excluded.x_m, y_m = excluded.y_m, z_m = excluded.z_m, covariance_m2 = excluded.covariance_m2,"
                 " diameter_m = excluded.diameter_m, diameter_sigma_m = excluded.diameter_sigma_m,"
                 " ripeness = excluded.ripeness, ripeness_score = excluded.ripeness_score,"
                 " confidence = excluded.confidence, visible_fraction = excluded.visible_fraction,"
                 " sightings = excluded.sightings, last_seen_s = excluded.last_seen_s, state = excluded.state,"
-                " reason = excluded.reason",
+                " reason = excluded.reason, measured = excluded.measured, ripeness_weight = excluded.ripeness_weight",
                 [_target_row(task_id, target) for target in targets],
             )
 
@@ -266,4 +271,6 @@ def _target_row(task_id: int, target: Target) -> tuple[object, ...]:
         float(target.last_seen_s),
         target.state.value,
         target.reason,
+        int(target.measured),
+        float(target.ripeness_weight),
     )

@@ -22,8 +22,8 @@ from robot.vision.values import Ripeness
 
 _SHOT_COLUMNS = """
     intent.id, intent.task_id, intent.run_id, intent.utc, target_id, stop, pulse, due_ml, dose_ml, intent.open_s,
-    pulse_s, full_ml, intent.stamp_s,
-    result.utc, outcome, booked_ml, result.open_s, measured_ml, reason, result.stamp_s
+    pulse_s, full_ml, intent.stamp_s, factor, intent.reason,
+    result.utc, outcome, booked_ml, result.open_s, measured_ml, result.reason, result.stamp_s
     FROM intent LEFT JOIN result ON result.intent_id = intent.id
 """
 
@@ -77,8 +77,8 @@ class LedgerReader:
         it is sprayed or uncertain even if a crash came before its new state was written."""
         rows = self._rows(
             "SELECT id, x_m, y_m, z_m, covariance_m2, diameter_m, diameter_sigma_m, ripeness, ripeness_score,"
-            " confidence, visible_fraction, sightings, last_seen_s, state, reason FROM target WHERE task_id = ?"
-            " ORDER BY id",
+            " ripeness_weight, confidence, visible_fraction, measured, sightings, last_seen_s, state, reason"
+            " FROM target WHERE task_id = ? ORDER BY id",
             task_id,
         )
         shots: dict[int, list[ShotRow]] = {}
@@ -143,13 +143,13 @@ def _utc(text: str) -> datetime:
 
 
 def _shot(row: Sequence[Any]) -> ShotRow:
-    intent_id, task_id, run_id, utc, target_id, stop, pulse, due, dose, open_s, pulse_s, full, stamp_s = row[:13]
-    result_utc, outcome, booked_ml, opened_s, measured_ml, reason, result_stamp_s = row[13:]
+    intent_id, task_id, run_id, utc, *planned = row[:15]
+    result_utc, outcome, booked_ml, opened_s, measured_ml, reason, result_stamp_s = row[15:]
     return ShotRow(
         intent_id=intent_id,
         task_id=task_id,
         run_id=run_id,
-        intent=Intent(target_id, stop, pulse, due, dose, open_s, pulse_s, full, stamp_s),
+        intent=Intent(*planned),
         utc=_utc(utc),
         result=None
         if outcome is None
@@ -160,7 +160,8 @@ def _shot(row: Sequence[Any]) -> ShotRow:
 
 def _target(row: Sequence[Any], shots: Sequence[ShotRow]) -> Target:
     target_id, x_m, y_m, z_m, covariance, *figures, state, reason = row
-    diameter_m, diameter_sigma_m, ripeness, score, confidence, visible, sightings, last_seen_s = figures
+    diameter_m, diameter_sigma_m, ripeness, score, weight, *figures = figures
+    confidence, visible, measured, sightings, last_seen_s = figures
     xx, xy, xz, yy, yz, zz = json.loads(covariance)
     state, reason = _true_state(TargetState(state), reason, shots)
     return Target(
@@ -171,8 +172,10 @@ def _target(row: Sequence[Any], shots: Sequence[ShotRow]) -> Target:
         diameter_sigma_m=diameter_sigma_m,
         ripeness=Ripeness(ripeness),
         ripeness_score=score,
+        ripeness_weight=weight,
         confidence=confidence,
         visible_fraction=visible,
+        measured=bool(measured),
         sightings=sightings,
         last_seen_s=last_seen_s,
         state=state,

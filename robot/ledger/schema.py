@@ -3,10 +3,23 @@
 from __future__ import annotations
 
 APPLICATION_ID = 0x53505259  # "SPRY"
-SCHEMA_VERSION = 1
+SCHEMA_VERSION = 2
 
 _FINITE = "BETWEEN -1e9 AND 1e9"
 _AMOUNT = "BETWEEN 0 AND 1e6"
+
+# Columns that came with version 2, in the order in which a file of version 1 gets them.
+COLUMNS_2 = {
+    "target": (
+        "measured INTEGER NOT NULL DEFAULT 1 CHECK (measured IN (0, 1))",
+        f"ripeness_weight REAL NOT NULL DEFAULT 0 CHECK (ripeness_weight {_AMOUNT})",
+    ),
+    "intent": (
+        "factor REAL NOT NULL DEFAULT 1 CHECK (factor BETWEEN 0 AND 2)",
+        "reason TEXT NOT NULL DEFAULT ''",
+    ),
+}
+_TARGET_2, _INTENT_2 = (",\n    ".join(columns) for columns in COLUMNS_2.values())
 
 SCHEMA = f"""
 CREATE TABLE run (
@@ -50,6 +63,7 @@ CREATE TABLE target (
         state IN ('open', 'sprayed', 'uncertain', 'unreachable', 'doubtful', 'not_wanted')
     ),
     reason TEXT NOT NULL,
+    {_TARGET_2},
     PRIMARY KEY (task_id, id)
 ) STRICT, WITHOUT ROWID;
 
@@ -67,6 +81,7 @@ CREATE TABLE intent (
     pulse_s REAL NOT NULL CHECK (pulse_s > 0 AND pulse_s <= 3600),
     full_ml REAL NOT NULL CHECK (full_ml {_AMOUNT}),
     stamp_s REAL NOT NULL CHECK (stamp_s {_FINITE}),
+    {_INTENT_2},
     FOREIGN KEY (task_id, target_id) REFERENCES target (task_id, id)
 ) STRICT;
 

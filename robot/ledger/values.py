@@ -39,8 +39,9 @@ class Outcome(StrEnum):
 class Intent:
     """Written before the valve opens. ``full_ml`` is what the board's whole pulse could give: the upper bound.
 
-    ``due_ml`` the dose law's figure, ``dose_ml`` the commanded one, ``open_s`` the commanded coil time,
-    ``pulse_s`` the board's own timer.
+    ``due_ml`` the figure of law and ripeness, ``dose_ml`` the commanded one, ``open_s`` the commanded coil time,
+    ``pulse_s`` the board's own timer. ``factor`` of ripeness is already in ``due_ml``; ``reason`` says why the dose is
+    not simply that of a measured fruit (a limit, a fruit too hidden to measure), "" when it is.
     """
 
     target_id: int
@@ -52,6 +53,8 @@ class Intent:
     pulse_s: float
     full_ml: float
     stamp_s: float
+    factor: float = 1.0
+    reason: str = ""
 
 
 @dataclass(frozen=True, slots=True)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from robot.aiming import AimingParameters, ArmModel, Obstacles
-from robot.dosing import Caps, DoseLaw, FlowModel, PulseLimits
+from robot.dosing import Caps, DoseRules, FlowModel, PulseLimits
 from robot.geometry import Transform
 from robot.navigation import Datum, DriveLimits, FixRules, Row
 from robot.targets import BookParameters, Policy
@@ -13,9 +13,9 @@ from robot.targets import BookParameters, Policy
 
 @dataclass(frozen=True, slots=True)
 class DoseSettings:
-    """Law, flow, pulses and caps. ``full_factor`` widens a pulse's model volume to what it can give at the most."""
+    """Rules, flow, pulses and caps. ``full_factor`` widens a pulse's model volume to what it can give at the most."""
 
-    law: DoseLaw
+    rules: DoseRules
     flow: FlowModel
     pulses: PulseLimits
     caps: Caps

@@ -26,7 +26,7 @@ async def spray(context: MissionContext) -> Event:
     reading = context.actuation.sensors
     pressure_bar = reading.pressure_bar if reading is not None else float("nan")
     settings = context.settings.dose
-    shot = dosing.plan(target.diameter_m, settings.law, settings.flow, pressure_bar, settings.pulses, settings.caps)
+    shot = _planned(target, settings, pressure_bar)
     if isinstance(shot, Refusal):
         await _skip(context, target_id, shot.reason)
         return Event.SKIPPED
@@ -45,6 +45,13 @@ async def spray(context: MissionContext) -> Event:
     return Event.SPRAYED
 
 
+def _planned(target: Target, settings: DoseSettings, pressure_bar: float) -> Shot | Refusal:
+    due = dosing.due(target, settings.rules)
+    if isinstance(due, Refusal):
+        return due
+    return dosing.plan(due, settings.rules.law, settings.flow, pressure_bar, settings.pulses, settings.caps)
+
+
 def _order(context: MissionContext, target: Target, shot: Shot, number: int, pressure_bar: float) -> PulseOrder:
     settings = context.settings.dose
     open_s = shot.open_s[number]
@@ -59,6 +66,8 @@ def _order(context: MissionContext, target: Target, shot: Shot, number: int, pre
         open_s=open_s,
         pulse_s=pulse_s,
         full_ml=full_pulse_ml(settings, pulse_s, pressure_bar),
+        factor=shot.factor,
+        reason=shot.reason,
     )
 
 

@@ -3,6 +3,16 @@
 from robot.report.evidence import Evidence, read_evidence
 from robot.report.page import render
 from robot.report.score import Judgement, Score, judge
-from robot.report.table import ledger_rows, score_rows
+from robot.report.table import kind_rows, ledger_rows, score_rows
 
-__all__ = ["Evidence", "Judgement", "Score", "judge", "ledger_rows", "read_evidence", "render", "score_rows"]
+__all__ = [
+    "Evidence",
+    "Judgement",
+    "Score",
+    "judge",
+    "kind_rows",
+    "ledger_rows",
+    "read_evidence",
+    "render",
+    "score_rows",
+]

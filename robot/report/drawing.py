@@ -158,7 +158,8 @@ def _doses(shot: ShotRow, delivered_ml: Mapping[int, float]) -> dict[str, float]
 def _disc(target: Target, cx: float, cy: float, booked_ml: float) -> Disc:
     radius = _radius(target.diameter_m)
     title = (
-        f"target {target.id}: {1e3 * target.diameter_m:.0f} mm, {target.ripeness.value}, {target.state.value}"
+        f"target {target.id}: {'' if target.measured else '~'}{1e3 * target.diameter_m:.0f} mm, "
+        f"{target.ripeness.value}, {target.state.value}"
         + (f", {booked_ml:.1f} ml" if booked_ml else "")
         + (f" ({target.reason})" if target.reason else "")
     )

@@ -15,7 +15,7 @@ from drivers.twin.truth_record import TrueFruit, TruthRecord
 from robot.report.drawing import dose_chart, row_view
 from robot.report.evidence import Evidence
 from robot.report.score import Judgement
-from robot.report.table import Row, figure, ledger_rows, score_rows
+from robot.report.table import Row, figure, kind_rows, ledger_rows, score_rows
 from robot.targets import Target, TargetState
 
 _MIME = {b"\xff\xd8": "image/jpeg", b"\x89P": "image/png"}
@@ -41,7 +41,7 @@ class Missed:
     """A fruit or target that got nothing, and why."""
 
     who: str
-    size_mm: float
+    size: str
     ripeness: str
     where: str
     why: str
@@ -60,6 +60,7 @@ def render(evidence: Evidence, truth: TruthRecord | None, judgement: Judgement |
         task=evidence.task,
         task_rows=task_rows(evidence),
         result=_result(evidence, judgement),
+        kinds=kind_rows(evidence),
         above=views[0],
         front=views[1],
         fates=[(key, text) for key, text in FATES if any(t.state.value == key for t in evidence.targets)],
@@ -67,6 +68,9 @@ def render(evidence: Evidence, truth: TruthRecord | None, judgement: Judgement |
         chart=dose_chart(evidence.shots, delivered_ml) if evidence.shots else None,
         pictures=_pictures(evidence, frames),
         shots=evidence.shots,
+        target_of={target.id: target for target in evidence.targets},
+        size_text=size_text,
+        ripeness_text=ripeness_text,
         delivered_ml=delivered_ml,
         fruit_of={} if judgement is None else {dose.target_id: dose.fruit_id for dose in judgement.doses},
         totals=evidence.totals,
@@ -130,7 +134,7 @@ def _missed(targets: Sequence[Target], fruits: Sequence[TrueFruit], judgement: J
     left = [
         Missed(
             who=f"target {target.id}",
-            size_mm=1e3 * target.diameter_m,
+            size=size_text(target),
             ripeness=target.ripeness.value,
             where=_place(*target.centre_m.tolist()),
             why=target.state.value.replace("_", " ") + (f": {target.reason}" if target.reason else ""),
@@ -144,7 +148,7 @@ def _missed(targets: Sequence[Target], fruits: Sequence[TrueFruit], judgement: J
     unseen = [
         Missed(
             who=f"true fruit {fruit.id}",
-            size_mm=1e3 * fruit.diameter_m,
+            size=f"{1e3 * fruit.diameter_m:.0f}",
             ripeness=fruit.ripeness,
             where=_place(*fruit.centre_m),
             why=f"never found; at best {100 * judgement.visible.get(fruit.id, 0.0):.0f} % visible",
@@ -153,6 +157,18 @@ def _missed(targets: Sequence[Target], fruits: Sequence[TrueFruit], judgement: J
         if fruit.id not in found
     ]
     return tuple(left + unseen)
+
+
+def size_text(target: Target) -> str:
+    """Millimetres, after ~ when no look could measure them; a dose by hand has no fruit."""
+    if target.confidence <= 0.0:
+        return "–"
+    return f"{'' if target.measured else '~'}{1e3 * target.diameter_m:.0f}"
+
+
+def ripeness_text(target: Target) -> str:
+    """Class and score; a dose by hand has neither."""
+    return "–" if target.confidence <= 0.0 else f"{target.ripeness.value} {target.ripeness_score:.2f}"
 
 
 def _place(x_m: float, y_m: float, z_m: float) -> str:

@@ -14,6 +14,7 @@ from drivers.twin.truth_record import TrueFruit, TruthRecord
 from robot.report.deliveries import TargetDose, match_deliveries, target_doses
 from robot.report.evidence import Evidence
 from robot.targets import Target, TargetState
+from robot.vision.values import Ripeness
 
 CLEARLY_VISIBLE = 0.6
 _SAME_FRUIT = 0.75  # distance of target and true fruit in true radii ...
@@ -25,17 +26,20 @@ class Score:
     """The figures of a row. Fruits are the truth's, targets the robot's; percentages are of 100.
 
     ``visible`` fruits showed 0.6 of their outline to both eyes in one frame at least. ``reachable`` is None when nobody
-    said which fruits are. ``on_fruit_percent`` is the share of all liquid that landed on fruit. Figures that there is
-    nothing to compute from are None.
+    said which fruits are, ``treated`` when nobody said which ripeness is; ``sprayed_untreated`` are fruits of another
+    ripeness that were sprayed all the same. ``on_fruit_percent`` is the share of all liquid that landed on fruit.
+    Figures that there is nothing to compute from are None.
     """
 
     fruits: int
     visible: int
     reachable: int | None
+    treated: int | None
     seen: int
     sprayed: int
     sprayed_of_wanted: int
     wanted: int
+    sprayed_untreated: int
     sprayed_twice: int
     targets_sprayed: int
     phantoms: int
@@ -53,7 +57,7 @@ class Score:
 
     @property
     def wanted_percent(self) -> float | None:
-        """Sprayed fruits of those both clearly visible and reachable (or only visible, when reach is not known)."""
+        """Sprayed fruits of those clearly visible and, as far as that is known, reachable and to be treated."""
         return 100.0 * self.sprayed_of_wanted / self.wanted if self.wanted else None
 
 
@@ -72,12 +76,12 @@ def judge(
     evidence: Evidence,
     truth: TruthRecord,
     reachable: frozenset[int] | None = None,
-    due_ml: Callable[[float], float] | None = None,
+    due_ml: Callable[[float, Ripeness], float] | None = None,
 ) -> Judgement:
     """Compare the ledger with the truth.
 
     ``reachable`` are the ids of the fruits that the arm can reach from a stop; ``due_ml`` gives the dose that a fruit
-    of a diameter in metres is due.
+    of a diameter in metres and a ripeness is due, 0 when it is not to be treated.
     """
     fruits = {fruit.id: fruit for fruit in truth.fruits}
     deliveries = match_deliveries(evidence.shots, truth)
@@ -85,15 +89,17 @@ def judge(
     fruit_of = match_targets(evidence.targets, truth.fruits)
     visible = _best_views(truth)
     clear = {fruit for fruit, share in visible.items() if share >= CLEARLY_VISIBLE}
-    wanted = clear if reachable is None else clear & reachable
+    due = {} if due_ml is None else {f.id: due_ml(f.diameter_m, Ripeness(f.ripeness)) for f in truth.fruits}
+    treated = fruits.keys() if due_ml is None else {number for number, ml in due.items() if ml > 0.0}
+    wanted = clear & treated if reachable is None else clear & treated & reachable
     hits = Counter(dose.fruit_id for dose in doses if dose.fruit_id is not None)
     opened = [dose for dose in doses if dose.delivered_ml > 0.0]
     total_ml = sum(item.ml for item in truth.delivered)
     against_commanded = [abs(d.delivered_ml / d.commanded_ml - 1.0) for d in opened if d.commanded_ml > 0.0]
     against_due = [
-        abs(dose.delivered_ml / due_ml(fruits[dose.fruit_id].diameter_m) - 1.0)
+        abs(dose.delivered_ml / due[dose.fruit_id] - 1.0)
         for dose in opened
-        if due_ml is not None and dose.fruit_id is not None
+        if dose.fruit_id is not None and due.get(dose.fruit_id, 0.0) > 0.0
     ]
     errors_m = [
         float(np.linalg.norm(target.centre_m - fruits[fruit_of[target.id]].centre_m))
@@ -104,10 +110,12 @@ def judge(
         fruits=len(fruits),
         visible=len(clear),
         reachable=None if reachable is None else len(reachable),
+        treated=None if due_ml is None else len(treated),
         seen=len(set(fruit_of.values())),
         sprayed=len(hits),
         sprayed_of_wanted=len(wanted & set(hits)),
         wanted=len(wanted),
+        sprayed_untreated=len(set(hits) - treated),
         sprayed_twice=sum(count > 1 for count in hits.values()),
         targets_sprayed=len(doses),
         phantoms=sum(dose.fruit_id is None for dose in doses),

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from robot.report.evidence import Evidence
+from robot.report.kinds import Kind, kinds
 from robot.report.score import Score, seconds_a_target, skipped_by_reason
 from robot.targets import TargetState
 
@@ -17,11 +18,16 @@ def score_rows(score: Score) -> tuple[Row, ...]:
     ]
     if score.reachable is not None:
         rows.append(("reachable from a stop", str(score.reachable)))
+    partly = score.treated is not None and score.treated < score.fruits
+    if partly:
+        rows.append(("of a ripeness that is treated", str(score.treated)))
     wanted = "visible" if score.reachable is None else "visible and reachable"
+    wanted += ", to be treated" if partly else ""
     rows += [
         ("seen", str(score.seen)),
         ("sprayed", str(score.sprayed)),
         (f"sprayed of those {wanted}", f"{score.sprayed_of_wanted} of {score.wanted}" + _in(score.wanted_percent)),
+        *((("sprayed though not to be treated", str(score.sprayed_untreated)),) if partly else ()),
         ("sprayed twice", str(score.sprayed_twice)),
         ("Phantoms", f"{score.phantoms} of {score.targets_sprayed} targets sprayed"),
         *((f"skipped, {reason}", str(count)) for reason, count in score.skipped.items()),
@@ -56,6 +62,24 @@ def ledger_rows(evidence: Evidence) -> tuple[Row, ...]:
         ("Pending (valve may be open)", f"{totals.pending_ml:.1f} ml"),
         ("Measured by the flow meter", f"{totals.measured_ml:.1f} ml" if measured else "no flow meter"),
     )
+
+
+def kind_rows(evidence: Evidence) -> tuple[Row, ...]:
+    """One row a ripeness: how many were sprayed, with how much, and by which factor."""
+    return tuple((f"{kind.ripeness.value.capitalize()} fruit", _kind(kind)) for kind in kinds(evidence))
+
+
+def _kind(kind: Kind) -> str:
+    parts = [f"{kind.sprayed} of {kind.found} sprayed"]
+    if kind.sprayed:
+        parts.append(f"{kind.booked_ml:.1f} ml")
+    if kind.ml_per_cm3 is not None:
+        parts.append(f"{kind.ml_per_cm3:.4f} ml/cm3")
+    if kind.factors is not None:
+        parts.append("factor " + " to ".join(dict.fromkeys(f"{factor:.2f}" for factor in kind.factors)))
+    if kind.hidden:
+        parts.append(f"{kind.hidden} too hidden to measure")
+    return ", ".join(parts)
 
 
 def figure(value: float | None, unit: str) -> str:

@@ -11,14 +11,14 @@ from robot.actuation import HandSettings
 from robot.aiming import AimingParameters, ArmModel, RoverBody, parse_urdf
 from robot.calibration_file import load_rig
 from robot.config import Config
-from robot.dosing import Caps, DoseLaw, FlowModel, LawKind, PulseLimits
+from robot.dosing import Caps, DoseLaw, DoseRules, FlowModel, Hidden, LawKind, PulseLimits, RipenessFactors
 from robot.errors import ConfigError
 from robot.geometry import Transform, body_from_optical, transform_from_xyz_rpy
 from robot.ledger.values import Task
 from robot.mission import DoseSettings, MissionSettings
 from robot.navigation import Datum, DriveLimits, FixRules, Row, parse_route
 from robot.package_files import named_file
-from robot.targets import BookParameters, Policy
+from robot.targets import BookParameters, Policy, RipenessBorders
 from robot.vision.stereo_rig import StereoRig
 from robot.vision.values import Ripeness
 
@@ -135,8 +135,27 @@ def task(config: Config, row: Row) -> Task:
     )
 
 
-def dose_law(config: Config) -> DoseLaw:
-    return DoseLaw(LawKind(config.dosing.law), config.dosing.coefficient, config.dosing.min_ml, config.dosing.max_ml)
+def ripeness_borders(config: Config) -> RipenessBorders:
+    return RipenessBorders(config.targets.turning_from, config.targets.red_from)
+
+
+def treated(config: Config) -> frozenset[Ripeness]:
+    return frozenset(Ripeness(name) for name in config.targets.ripeness)
+
+
+def dose_rules(config: Config) -> DoseRules:
+    dosing = config.dosing
+    return DoseRules(
+        law=DoseLaw(LawKind(dosing.law), dosing.coefficient, dosing.min_ml, dosing.max_ml),
+        factors=RipenessFactors(
+            red=dosing.factor.red,
+            turning=dosing.factor.turning,
+            green=dosing.factor.green,
+            treated=treated(config),
+            borders=ripeness_borders(config),
+        ),
+        hidden=Hidden(dosing.hidden),
+    )
 
 
 def datum(config: Config) -> Datum | None:
@@ -157,7 +176,7 @@ def supports(config: Config, row: Row) -> tuple[tuple[float, float], ...]:
 
 def dose_settings(config: Config) -> DoseSettings:
     return DoseSettings(
-        law=dose_law(config),
+        rules=dose_rules(config),
         flow=FlowModel(
             config.fluid.nozzle_flow_ml_s,
             config.fluid.nozzle_pressure_bar,
@@ -194,14 +213,15 @@ def mission_settings(config: Config, row: Row, arm: ArmModel) -> MissionSettings
             max_velocity_rad_s=config.arm.max_velocity_rad_s,
             max_acceleration_rad_s2=config.arm.max_acceleration_rad_s2,
         ),
-        book=BookParameters(),
+        book=BookParameters(ripeness=ripeness_borders(config)),
         policy=Policy(
-            ripeness=frozenset(Ripeness(name) for name in config.targets.ripeness),
+            ripeness=treated(config),
             min_confidence=config.targets.min_confidence,
             sure_confidence=config.targets.sure_confidence,
             min_visible_fraction=config.targets.min_visible,
             min_diameter_m=config.targets.min_diameter_m,
             max_diameter_m=config.targets.max_diameter_m,
+            treat_hidden=config.dosing.hidden != "skip",
         ),
         dose=dose_settings(config),
         drive=DriveLimits(

@@ -2,20 +2,24 @@
 
 from robot.targets.book import Book, book_of, match, observe, with_state
 from robot.targets.matching import BookParameters, Match
-from robot.targets.policy import Policy, Verdict, wanted
+from robot.targets.policy import TOO_HIDDEN, Policy, Verdict, wanted
+from robot.targets.ripeness import RipenessBorders, classify
 from robot.targets.sighting import Sighting, sighting
 from robot.targets.values import Target, TargetState
 
 __all__ = [
+    "TOO_HIDDEN",
     "Book",
     "BookParameters",
     "Match",
     "Policy",
+    "RipenessBorders",
     "Sighting",
     "Target",
     "TargetState",
     "Verdict",
     "book_of",
+    "classify",
     "match",
     "observe",
     "sighting",

@@ -7,10 +7,10 @@ from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
-import numpy.typing as npt
 
 from robot.targets.doubt import resolve
 from robot.targets.matching import BookParameters, Match, assign
+from robot.targets.merging import another_look, first_look
 from robot.targets.sighting import Sighting
 from robot.targets.values import Target, TargetState
 
@@ -85,10 +85,10 @@ def observe(
     for position, seen in enumerate(ordered):
         if position in pairs:
             old = book.targets[pairs[position]]
-            known[old.id] = _merged(old, seen, stamp_s, parameters)
+            known[old.id] = another_look(old, seen, stamp_s, parameters)
             found.append(Match(order[position], old.id, False, seen.centre_m - old.centre_m))
         else:
-            known[next_id] = _new(next_id, seen, stamp_s)
+            known[next_id] = first_look(next_id, seen, stamp_s, parameters)
             found.append(Match(order[position], next_id, True, np.zeros(3)))
             next_id += 1
     fresh = frozenset(item.target_id for item in found if item.new)
@@ -100,57 +100,11 @@ def observe(
 def _check(sightings: Sequence[Sighting]) -> None:
     for index, seen in enumerate(sightings):
         figures = np.concatenate(
-            [seen.centre_m.ravel(), seen.covariance_m2.ravel(), [seen.diameter_m, seen.diameter_sigma_m]]
+            [
+                seen.centre_m.ravel(),
+                seen.covariance_m2.ravel(),
+                [seen.diameter_m, seen.diameter_sigma_m, seen.ripeness_score],
+            ]
         )
         if not np.all(np.isfinite(figures)) or seen.diameter_m <= 0.0 or seen.diameter_sigma_m < 0.0:
             raise ValueError(f"sighting {index}: expected finite figures and a positive diameter, found {seen}")
-
-
-def _new(target_id: int, seen: Sighting, stamp_s: float) -> Target:
-    return Target(
-        id=target_id,
-        centre_m=seen.centre_m,
-        covariance_m2=seen.covariance_m2,
-        diameter_m=seen.diameter_m,
-        diameter_sigma_m=seen.diameter_sigma_m,
-        ripeness=seen.ripeness,
-        ripeness_score=seen.ripeness_score,
-        confidence=seen.confidence,
-        visible_fraction=seen.visible_fraction,
-        sightings=1,
-        last_seen_s=stamp_s,
-        state=TargetState.OPEN,
-        reason="",
-    )
-
-
-def _merged(old: Target, seen: Sighting, stamp_s: float, parameters: BookParameters) -> Target:
-    """Inverse-covariance mean. The old centre has aged by one change of pose, so the newest sighting never fades."""
-    centre_m, covariance_m2 = _fused(old, seen, parameters)
-    old_variance = old.diameter_sigma_m**2 + parameters.diameter_floor_m**2
-    new_variance = seen.diameter_sigma_m**2 + parameters.diameter_floor_m**2
-    weight = old_variance / (old_variance + new_variance)
-    better = seen.confidence * seen.visible_fraction > old.confidence * old.visible_fraction
-    return replace(
-        old,
-        centre_m=centre_m,
-        covariance_m2=covariance_m2,
-        diameter_m=old.diameter_m + weight * (seen.diameter_m - old.diameter_m),
-        diameter_sigma_m=float(np.sqrt(weight * new_variance)),
-        ripeness=seen.ripeness if better else old.ripeness,
-        ripeness_score=seen.ripeness_score if better else old.ripeness_score,
-        confidence=max(old.confidence, seen.confidence),
-        visible_fraction=max(old.visible_fraction, seen.visible_fraction),
-        sightings=old.sightings + 1,
-        last_seen_s=stamp_s,
-    )
-
-
-def _fused(
-    old: Target, seen: Sighting, parameters: BookParameters
-) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]:
-    aged = old.covariance_m2 + np.eye(3) * parameters.pose_sigma_m**2
-    gain = np.linalg.solve(aged + seen.covariance_m2 + np.eye(3) * 1e-10, aged).T
-    centre_m = old.centre_m + gain @ (seen.centre_m - old.centre_m)
-    covariance_m2 = aged - gain @ aged
-    return centre_m, 0.5 * (covariance_m2 + covariance_m2.T)

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 import numpy.typing as npt
 from scipy.optimize import linear_sum_assignment
 
+from robot.targets.ripeness import RipenessBorders
 from robot.targets.sighting import Sighting
 from robot.targets.values import Target
 
@@ -22,6 +23,7 @@ class BookParameters:
     Up to ``doubt`` a sighting might be a target that is not seen in its frame; a further ``doubt_margin_m`` where the
     covariances allow it. Nearer than ``overlap`` even two sightings of one frame might be one fruit.
     ``pose_sigma_m`` is what the pose adds to each axis between two frames; ``diameter_floor_m`` to a diameter.
+    ``ripeness`` are the borders of the classes.
     """
 
     same_place: float = 0.5
@@ -32,6 +34,7 @@ class BookParameters:
     gate_sigma: float = 4.0
     pose_sigma_m: float = 0.008
     diameter_floor_m: float = 0.003
+    ripeness: RipenessBorders = field(default_factory=RipenessBorders)
 
     def __post_init__(self) -> None:
         if not 0.0 < self.same_place <= self.farthest_match <= self.doubt <= 1.0:

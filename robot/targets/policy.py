@@ -8,13 +8,16 @@ from dataclasses import dataclass
 from robot.targets.values import Target, TargetState
 from robot.vision.values import Ripeness
 
+TOO_HIDDEN = "too hidden to measure"
+
 
 @dataclass(frozen=True, slots=True)
 class Policy:
     """Ripeness classes to treat, and the evidence and size that a target must have.
 
     A target that was seen once needs ``sure_confidence``: a fruit matched to the wrong place in the other eye looks
-    right in one frame, and a second stop shows that it is not there.
+    right in one frame, and a second stop shows that it is not there. ``treat_hidden``: whether a fruit that is too
+    hidden to measure is treated at all; its size is then out of range only if a sigma does not bring it back.
     """
 
     ripeness: frozenset[Ripeness] = frozenset(Ripeness)
@@ -23,6 +26,7 @@ class Policy:
     min_visible_fraction: float = 0.4
     min_diameter_m: float = 0.035
     max_diameter_m: float = 0.17
+    treat_hidden: bool = True
 
     def __post_init__(self) -> None:
         if not 0.0 <= self.sure_confidence <= 1.0:
@@ -47,11 +51,12 @@ def wanted(target: Target, policy: Policy) -> Verdict:
     if target.ripeness not in policy.ripeness:
         return Verdict(False, TargetState.NOT_WANTED, f"{target.ripeness.value} fruit is not treated")
     size_mm = 1e3 * target.diameter_m
-    if target.diameter_m < policy.min_diameter_m:
+    margin_m = 0.0 if target.measured else target.diameter_sigma_m
+    if target.diameter_m + margin_m < policy.min_diameter_m:
         return Verdict(
             False, TargetState.NOT_WANTED, f"{size_mm:.0f} mm is below the least {1e3 * policy.min_diameter_m:.0f} mm"
         )
-    if target.diameter_m > policy.max_diameter_m:
+    if target.diameter_m - margin_m > policy.max_diameter_m:
         return Verdict(
             False, TargetState.NOT_WANTED, f"{size_mm:.0f} mm is above the most {1e3 * policy.max_diameter_m:.0f} mm"
         )
@@ -67,6 +72,8 @@ def wanted(target: Target, policy: Policy) -> Verdict:
             TargetState.DOUBTFUL,
             f"seen once, with confidence {target.confidence:.2f} below {policy.sure_confidence:.2f}",
         )
+    if not (target.measured or policy.treat_hidden):
+        return Verdict(False, TargetState.DOUBTFUL, TOO_HIDDEN)
     if target.visible_fraction < policy.min_visible_fraction:
         return Verdict(
             False,

@@ -23,6 +23,7 @@ class Sighting:
     ripeness_score: float
     confidence: float
     visible_fraction: float
+    measured: bool
 
 
 def sighting(fruit: Fruit, row_from_camera: Transform) -> Sighting:
@@ -36,4 +37,5 @@ def sighting(fruit: Fruit, row_from_camera: Transform) -> Sighting:
         ripeness_score=fruit.ripeness_score,
         confidence=fruit.confidence,
         visible_fraction=fruit.visible_fraction,
+        measured=fruit.measured,
     )

@@ -27,6 +27,9 @@ class Target:
     """One fruit of the row, merged from all its sightings.
 
     ``centre_m`` (3,) and ``covariance_m2`` (3, 3) in the row frame; diameters as in ``vision.Fruit``;
+    ``ripeness_score`` is the mean of all looks, each weighted by its confidence and the share that it saw;
+    ``ripeness_weight`` is the sum of those weights. ``measured``: at least one look measured the size, and only such
+    looks count in the diameter; else it is an estimate.
     ``reason`` says in a few words why the state is what it is; ``last_seen_s`` is the stamp of the newest frame.
     """
 
@@ -37,8 +40,10 @@ class Target:
     diameter_sigma_m: float
     ripeness: Ripeness
     ripeness_score: float
+    ripeness_weight: float
     confidence: float
     visible_fraction: float
+    measured: bool
     sightings: int
     last_seen_s: float
     state: TargetState

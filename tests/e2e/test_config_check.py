@@ -33,6 +33,28 @@ def test_it_shows_back_ends_and_ports(capsys, monkeypatch) -> None:
         assert words in told
 
 
+def test_it_shows_what_each_fruit_would_get(tmp_path: Path, capsys, monkeypatch) -> None:
+    monkeypatch.setenv("COLUMNS", "200")
+    config = short_row(
+        tmp_path,
+        **{
+            'ripeness = ["red", "turning", "green"]': 'ripeness = ["red", "green"]\nturning_from = 0.3',
+            "green = 1.0": "green = 0.5",
+            'hidden = "minimum"': 'hidden = "estimate"',
+        },
+    )
+    assert run_command(["config", "check", str(config)]) == 0
+    told = capsys.readouterr().out
+    sizes = next(line.split("┃") for line in told.splitlines() if "80 mm" in line)
+    column = [cell.strip() for cell in sizes].index("80 mm")
+    cells = {line.split("│")[1].strip(): line.split("│")[column].strip() for line in told.splitlines() if "│" in line}
+    assert cells["red, factor 1"] == "5.36"  # 0.02 ml a cm3, 268 cm3
+    assert cells["green, factor 0.5"] == "2.68"
+    assert cells["turning, not treated"] == "–"
+    assert "turning from a score of 0.3, red from 0.75" in told
+    assert "too hidden to measure: the dose of the estimated diameter less one sigma" in told
+
+
 def test_a_secret_is_not_shown(capsys, monkeypatch) -> None:
     monkeypatch.setenv("COLUMNS", "200")
     monkeypatch.setenv("SPRAYER_MODEM__PIN", "7391")
@@ -61,6 +83,11 @@ def test_nothing_is_opened_and_nothing_is_written(tmp_path: Path, monkeypatch) -
             {"arms/viperx300_nozzle.urdf": "arms/gone.urdf", "calibration/demo.json": "calibration/gone.json"},
             ("names 'arms/gone.urdf'", "names 'calibration/gone.json'"),
         ),
+        (
+            {"green = 1.0": "gren = 0.5", '"turning", "green"]': '"turning", "gren"]'},
+            ("unknown key 'dosing.factor.gren'; did you mean 'green'?", "found 'gren'; did you mean 'green'?"),
+        ),
+        ({"green = 1.0": "green = 0.0"}, ("dosing.factor.green is 0", "take 'green' out of targets.ripeness")),
         (
             {"image_size_px = [640, 480]": "image_size_px = [800, 600]", "routes/short.toml": "routes/gone.toml"},
             ("640x480 pixels, the camera gives 800x600", "names 'routes/gone.toml'"),

@@ -63,7 +63,10 @@ def test_each_pair_is_detected_with_the_calibration_that_its_sidecar_names(folde
         assert [line["x"], line["y"], line["z"]] == pytest.approx(BALL.centre_m, abs=0.02)
         assert line["diameter"] == pytest.approx(BALL.diameter_m, abs=0.006)
         assert line["ripeness"] == "red"
-        assert set(line) == {"scene_id", "u", "v", "r_px", "x", "y", "z", "diameter", "ripeness", "confidence"}
+        assert line["measured"] is True
+        assert set(line) == {
+            "scene_id", "u", "v", "r_px", "x", "y", "z", "diameter", "ripeness", "measured", "confidence",
+        }  # fmt: skip
     centre_px = small_rig(tilted=True).project_left([BALL.centre_m])[0]
     assert [found[1]["u"], found[1]["v"]] == pytest.approx(centre_px, abs=2.0)
 

@@ -167,10 +167,10 @@ def test_a_value_of_the_environment_overrides_the_file(
     tmp_path: Path, row: Sprayed, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     assert max(shot.intent.dose_ml for shot in row.shots) > 3.0
-    monkeypatch.setenv("SPRAYER_DOSING__MAX_ML", "3")
+    monkeypatch.setenv("SPRAYER_DOSING__MAX_ML", "2")
     modest = spray_row(short_row(tmp_path, STOPS_M[:1]), tmp_path / "out")
-    assert max(shot.intent.dose_ml for shot in modest.shots) == 3.0
-    assert max(delivered.ml for delivered in modest.truth.delivered) < 3.5
+    assert max(shot.intent.dose_ml for shot in modest.shots) == 2.0
+    assert max(delivered.ml for delivered in modest.truth.delivered) < 2.5
 
 
 def test_a_signal_while_the_machine_comes_up_ends_it_clean(tmp_path: Path) -> None:

@@ -6,7 +6,7 @@ import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
-from robot.dosing import Caps, DoseLaw, FlowModel, LawKind, PulseLimits, Shot, plan
+from robot.dosing import Caps, DoseLaw, Due, FlowModel, LawKind, PulseLimits, Shot, plan
 
 flows = st.builds(
     FlowModel,
@@ -45,7 +45,7 @@ def test_a_longer_opening_never_gives_less(flow: FlowModel, pressure_bar: float,
 def test_a_shot_keeps_every_limit_and_gives_its_dose(
     diameter_m: float, law: DoseLaw, flow: FlowModel, pressure_bar: float, pulses: PulseLimits, cap: Caps
 ) -> None:
-    planned = plan(diameter_m, law, flow, pressure_bar, pulses, cap)
+    planned = plan(Due(law.due_ml(diameter_m)), law, flow, pressure_bar, pulses, cap)
     assume(isinstance(planned, Shot))
     assert isinstance(planned, Shot)
     given_ml = sum(flow.volume_ml(t, pressure_bar) for t in planned.open_s)

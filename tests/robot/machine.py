@@ -129,6 +129,6 @@ async def _every(period_s: float, step: Callable[[], Awaitable[None]]) -> None:
 def a_target(number: int) -> Target:
     return Target(
         id=number, centre_m=np.array([0.2, 0.6, 0.8]), covariance_m2=np.eye(3) * 1e-5, diameter_m=0.07,
-        diameter_sigma_m=0.001, ripeness=Ripeness.RED, ripeness_score=1.0, confidence=0.9, visible_fraction=1.0,
-        sightings=1, last_seen_s=0.0, state=TargetState.OPEN, reason="",
+        diameter_sigma_m=0.001, ripeness=Ripeness.RED, ripeness_score=1.0, ripeness_weight=0.9, confidence=0.9,
+        visible_fraction=1.0, measured=True, sightings=1, last_seen_s=0.0, state=TargetState.OPEN, reason="",
     )  # fmt: skip

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -10,7 +12,7 @@ from robot.vision.values import Circle, Fruit, Ripeness
 
 LEFT = Circle(80.0, 60.0, 20.0, Ripeness.RED, 0.9)
 FRUIT = Fruit(
-    np.array([0.1, 0.0, 0.5]), np.eye(3) * 1e-6, 0.08, 0.002, Ripeness.RED, 0.9, 0.9, 1.0, left=LEFT, right=LEFT
+    np.array([0.1, 0.0, 0.5]), np.eye(3) * 1e-6, 0.08, 0.002, Ripeness.RED, 0.9, 0.9, 1.0, True, left=LEFT, right=LEFT
 )
 
 
@@ -27,6 +29,11 @@ def test_the_outline_is_drawn_in_the_colour_of_ripeness_and_the_original_stays()
 def test_a_target_number_changes_the_label() -> None:
     image = np.full((120, 160, 3), 128, dtype=np.uint8)
     assert (draw_fruits(image, [FRUIT]) != draw_fruits(image, [FRUIT], [7])).any()
+
+
+def test_the_size_of_a_fruit_that_was_not_measured_is_marked() -> None:
+    image = np.full((120, 160, 3), 128, dtype=np.uint8)
+    assert (draw_fruits(image, [FRUIT]) != draw_fruits(image, [replace(FRUIT, measured=False)])).any()
 
 
 def test_a_number_without_its_fruit_is_refused() -> None:

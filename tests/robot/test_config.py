@@ -6,6 +6,8 @@ import pytest
 from robot.config import Config, load_config
 from robot.errors import ConfigError
 from robot.package_files import config_file, named_file, packaged
+from robot.runtime.settings import dose_rules
+from robot.vision.values import Ripeness
 
 DEMO = Path(__file__).parents[2] / "configs" / "demo.toml"
 
@@ -32,7 +34,7 @@ def test_an_unknown_key_is_named_with_its_path_and_the_nearest_key(tmp_path):
 
 def test_an_unknown_key_without_a_neighbour_lists_the_known_ones(tmp_path):
     path = _changed(tmp_path, "max_ml = 12.0", "max_ml = 12.0\nzzz = 0.1")
-    with pytest.raises(ConfigError, match=r"unknown key 'dosing\.zzz'; known keys here: coefficient, law"):
+    with pytest.raises(ConfigError, match=r"unknown key 'dosing\.zzz'; known keys here: coefficient, factor, hid"):
         load_config(path)
 
 
@@ -46,6 +48,9 @@ def test_an_unknown_key_without_a_neighbour_lists_the_known_ones(tmp_path):
         ("coefficient = 0.02 ", "coefficient = nan ", "dosing.coefficient"),
         ("exposure_s = 0.004", "exposure_s = inf", "camera.exposure_s"),
         ('side = "left"', 'side = "up"', "rig.side"),
+        ("green = 1.0", "green = 50", "dosing.factor.green"),  # per cent
+        ('hidden = "minimum"', 'hidden = "maybe"', "dosing.hidden"),
+        ("[targets]", "[targets]\nred_from = 75", "targets.red_from"),
         ('backend = "mock"\ncalibration', 'backend = "hardware"\ncalibration', "camera.backend"),
     ],
 )
@@ -64,11 +69,35 @@ def test_an_impossible_value_is_named_with_its_path(tmp_path, old, new, path):
         ("valve = 1, pump = 2", "valve = 2, pump = 2", "two channels share one relay number"),
         ("datum_longitude_deg = 5.0", "", "datum_latitude_deg and datum_longitude_deg together"),
         ("max_speed_m_s = 0.4", "max_speed_m_s = 0.1", "cruise_speed_m_s exceeds"),
+        ("green = 1.0", "green = 0", r"factor\.green is 0, but targets\.ripeness lists green"),
+        ("min_ml = 1.5", "min_ml = 0.5", r"'minimum', but dosing\.min_ml \(0\.5\) is less than .* \(0\.94 ml in"),
+        ('ripeness = ["red", "turning", "green"]', "ripeness = []", "nothing would be treated"),
+        ("[targets]", "[targets]\nturning_from = 0.6", "red_from must be 0.2 or more above turning_from"),
     ],
 )
 def test_values_that_contradict_each_other_are_refused_with_the_reason(tmp_path, old, new, words):
     with pytest.raises(ConfigError, match=words):
         load_config(_changed(tmp_path, old, new))
+
+
+def test_a_factor_for_a_ripeness_that_does_not_exist_names_the_nearest(tmp_path):
+    path = _changed(tmp_path, "green = 1.0", "gren = 0.5")
+    with pytest.raises(ConfigError, match=r"unknown key 'dosing\.factor\.gren'; did you mean 'green'\?"):
+        load_config(path)
+
+
+def test_a_ripeness_that_does_not_exist_names_the_nearest(tmp_path):
+    path = _changed(tmp_path, '"red", "turning", "green"', '"red", "turnin"')
+    with pytest.raises(ConfigError, match=r"'targets\.ripeness\.1'.*found 'turnin'; did you mean 'turning'\?"):
+        load_config(path)
+
+
+def test_a_factor_of_0_is_sound_for_fruit_that_is_not_treated(tmp_path):
+    path = _changed(tmp_path, '"red", "turning", "green"', '"red", "turning"')
+    path.write_text(path.read_text().replace("green = 1.0", "green = 0"))
+    rules = dose_rules(load_config(path))
+    assert rules.dose_ml(0.08, Ripeness.GREEN) == 0.0
+    assert rules.dose_ml(0.08, Ripeness.RED) == pytest.approx(5.36, abs=0.01)
 
 
 def test_the_environment_overrides_a_single_value(monkeypatch):

@@ -14,7 +14,7 @@ from robot import dosing
 from robot.actuation import LEDGER_WRITE_S, PulseOrder, Refused
 from robot.clock import work
 from robot.config import Config
-from robot.dosing import DoseLaw, LawKind, PulseLimits, Refusal
+from robot.dosing import DoseLaw, Due, LawKind, PulseLimits, Refusal
 from robot.ledger.values import Outcome, Result
 from robot.mission.settings import DoseSettings
 from robot.mission.spray import full_pulse_ml
@@ -27,7 +27,6 @@ from robot.vision.values import Ripeness
 
 NO_FRUIT_M = 0.001       # a target needs a size, and this is no fruit's
 LONGEST_HEADED_S = 5.0   # the pump does not work against a shut valve for longer while the minute's cap is waited for
-_ANY_M = 0.1             # a fixed dose does not look at the diameter
 
 
 def dose_problem(config: Config, dose: DoseSettings, ml: float) -> str:
@@ -147,8 +146,9 @@ class LiquidByHand:
         nozzle_m, _ = nozzle_in_base(self._hands)
         return Target(
             id=number, centre_m=nozzle_m, covariance_m2=np.zeros((3, 3)), diameter_m=NO_FRUIT_M, diameter_sigma_m=0.0,
-            ripeness=Ripeness.GREEN, ripeness_score=0.0, confidence=0.0, visible_fraction=0.0, sightings=1,
-            last_seen_s=self._hands.now_s(), state=TargetState.OPEN, reason=f"{BY_HAND}: no fruit",
+            ripeness=Ripeness.GREEN, ripeness_score=0.0, ripeness_weight=0.0, confidence=0.0, visible_fraction=0.0,
+            measured=False, sightings=1, last_seen_s=self._hands.now_s(), state=TargetState.OPEN,
+            reason=f"{BY_HAND}: no fruit",
         )  # fmt: skip
 
     async def _write(self, target: Target) -> None:
@@ -159,7 +159,7 @@ class LiquidByHand:
 def _plan(dose: DoseSettings, ml: float, pressure_bar: float) -> dosing.Shot | Refusal:
     law = DoseLaw(LawKind.FIXED, ml, ml, ml)
     pulses = PulseLimits(dose.pulses.min_s, dose.pulses.max_s)
-    return dosing.plan(_ANY_M, law, dose.flow, pressure_bar, pulses, dose.caps)
+    return dosing.plan(Due(ml), law, dose.flow, pressure_bar, pulses, dose.caps)
 
 
 def _with_fate(target: Target, results: Sequence[Result], pulses: int) -> Target:

@@ -73,6 +73,7 @@ class FruitDetector:
                     ripeness_score=float(scores[k]),
                     confidence=sure,
                     visible_fraction=float(best.seen[row]),
+                    measured=bool(measured_well[row] >= 0.5),
                     left=Circle(*in_left, kind, sure),
                     right=Circle(*in_right, kind, sure),
                 )

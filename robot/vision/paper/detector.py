@@ -94,6 +94,7 @@ class PaperDetector:
         distance_share = math.sqrt(covariance[2, 2]) / float(centre_m[2])
         radius_share = parameters.radius_sigma_px / (left.circle[2] + right.circle[2]) * math.sqrt(2.0)
         score = (left.score + right.score) / 2.0
+        visible = min(left.outline_share, right.outline_share)
         return Fruit(
             centre_m=centre_m,
             covariance_m2=covariance,
@@ -102,7 +103,8 @@ class PaperDetector:
             ripeness=ripeness_of(score),
             ripeness_score=score,
             confidence=min(1.0, (left.circularity + right.circularity) / 2.0),
-            visible_fraction=min(left.outline_share, right.outline_share),
+            visible_fraction=visible,
+            measured=visible >= parameters.measured_outline,
             left=left.as_circle(),
             right=right.as_circle(),
         )

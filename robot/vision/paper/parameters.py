@@ -17,6 +17,7 @@ class PaperParameters:
     ``edge_threshold`` on the absolute Laplacian of the grey image; ``binary_threshold`` and ``median_px`` belong to the
     reading "binary". ``horizontal_skip`` and ``vertical_skip`` are M and N of section 3.3.3 in radii of a disc of the
     region's area. ``centre_sigma_px`` and ``radius_sigma_px`` are the one-sigma errors of a circle, for covariances.
+    ``measured_outline`` is the least share of the outline, in both views, of a fruit whose size counts as measured.
     """
 
     reading: Reading = "binary"
@@ -36,6 +37,7 @@ class PaperParameters:
     max_distance_m: float = 1.5
     centre_sigma_px: float = 2.0
     radius_sigma_px: float = 2.0
+    measured_outline: float = 0.7
 
     def __post_init__(self) -> None:
         if self.reading not in ("laplacian", "binary"):
@@ -52,6 +54,8 @@ class PaperParameters:
             raise ValueError(f"min_circularity must be in (0, 1], found {self.min_circularity}")
         if not (0.0 < self.horizontal_skip <= 1.0 and 0.0 < self.vertical_skip <= 1.5):
             raise ValueError("horizontal_skip must be in (0, 1] and vertical_skip in (0, 1.5], in radii")
+        if not 0.0 <= self.measured_outline <= 1.0:
+            raise ValueError(f"measured_outline must be 0..1, found {self.measured_outline}")
         if self.retries < 0:
             raise ValueError(f"retries must not be negative, found {self.retries}")
         if not 0.0 < self.min_distance_m < self.max_distance_m:

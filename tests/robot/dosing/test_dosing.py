@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import numpy as np
 import pytest
 
-from robot.dosing import Caps, DoseLaw, FlowModel, LawKind, PulseLimits, Refusal, Shot, fit_flow, plan
+from robot.dosing import Caps, DoseLaw, Due, FlowModel, LawKind, PulseLimits, Refusal, Shot, fit_flow, plan
 
 LAW = DoseLaw(LawKind.VOLUME, 0.02, 1.5, 12.0)
 FLOW = FlowModel(12.6, 2.76, 0.025, 0.020)
@@ -15,13 +16,13 @@ PULSES = PulseLimits(0.08, 2.0)
 
 
 def shot(diameter_m: float, pressure_bar: float = 2.76, law: DoseLaw = LAW, caps: Caps | None = None) -> Shot:
-    planned = plan(diameter_m, law, FLOW, pressure_bar, PULSES, caps or Caps())
+    planned = plan(Due(law.due_ml(diameter_m)), law, FLOW, pressure_bar, PULSES, caps or Caps())
     assert isinstance(planned, Shot)
     return planned
 
 
 def refusal(diameter_m: float, **changes: object) -> str:
-    arguments: dict[str, object] = {
+    arguments: dict[str, Any] = {
         "law": LAW,
         "flow": FLOW,
         "pressure_bar": 2.76,
@@ -29,7 +30,7 @@ def refusal(diameter_m: float, **changes: object) -> str:
         "caps": Caps(),
         **changes,
     }
-    planned = plan(diameter_m, **arguments)  # type: ignore[arg-type]
+    planned = plan(Due(arguments["law"].due_ml(diameter_m)), **arguments)
     assert isinstance(planned, Refusal)
     return planned.reason
 
@@ -102,7 +103,7 @@ def test_a_total_with_too_little_left_refuses_the_whole_dose() -> None:
 
 
 def test_a_dose_longer_than_one_opening_is_split_equally() -> None:
-    planned = plan(0.14, LAW, FLOW, 2.76, PulseLimits(0.08, 0.4), Caps())
+    planned = plan(Due(LAW.due_ml(0.14)), LAW, FLOW, 2.76, PulseLimits(0.08, 0.4), Caps())
     assert isinstance(planned, Shot)
     assert len(planned.open_s) == 3
     assert len(set(planned.open_s)) == 1
@@ -125,9 +126,11 @@ def test_a_valve_that_never_opens_in_time_is_refused() -> None:
     assert "cannot be given" in refusal(0.08, flow=sluggish, pulses=PulseLimits(0.08, 0.5))
 
 
-@pytest.mark.parametrize("diameter_m", [0.0, -0.1, float("nan"), float("inf")])
-def test_a_fruit_without_a_size_is_refused(diameter_m: float) -> None:
-    assert "no usable diameter" in refusal(diameter_m)
+@pytest.mark.parametrize("ml", [-0.1, float("nan"), float("inf")])
+def test_a_due_that_is_no_amount_is_refused(ml: float) -> None:
+    planned = plan(Due(ml), LAW, FLOW, 2.76, PULSES, Caps())
+    assert isinstance(planned, Refusal)
+    assert "no amount" in planned.reason
 
 
 @pytest.mark.parametrize("pressure_bar", [0.0, -1.0, float("nan")])

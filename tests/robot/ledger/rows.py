@@ -26,7 +26,8 @@ TASK = Task(
     seed=7,
 )
 INTENT = Intent(
-    target_id=1, stop=2, pulse=0, due_ml=5.2, dose_ml=5.0, open_s=0.40, pulse_s=0.5, full_ml=6.3, stamp_s=12.5
+    target_id=1, stop=2, pulse=0, due_ml=5.2, dose_ml=5.0, open_s=0.40, pulse_s=0.5, full_ml=6.3, stamp_s=12.5,
+    factor=0.5, reason="maximum dose",
 )
 SPRAYED = Result(Outcome.SPRAYED, 5.0, 0.401, 4.9, "", 13.0)
 CHECKPOINT = Checkpoint(stop=3, x_m=1.4, y_m=0.001, heading_rad=0.002, left_m=1.39, right_m=1.41, stamp_s=30.0)
@@ -42,8 +43,10 @@ def target(target_id: int = 1, state: TargetState = TargetState.OPEN, x_m: float
         diameter_sigma_m=0.003,
         ripeness=Ripeness.TURNING,
         ripeness_score=0.55,
+        ripeness_weight=1.3,
         confidence=0.9,
         visible_fraction=0.8,
+        measured=True,
         sightings=2,
         last_seen_s=11.0,
         state=state,

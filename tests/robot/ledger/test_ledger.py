@@ -98,7 +98,10 @@ def test_an_intent_for_a_target_that_is_not_in_the_ledger_is_refused(opened: Ope
 
 @pytest.mark.parametrize(
     "changes",
-    [{"dose_ml": -1.0}, {"full_ml": float("nan")}, {"full_ml": float("inf")}, {"open_s": 0.0}, {"pulse_s": 1e9}],
+    [
+        {"dose_ml": -1.0}, {"full_ml": float("nan")}, {"full_ml": float("inf")}, {"open_s": 0.0}, {"pulse_s": 1e9},
+        {"factor": 2.5},
+    ],
 )
 def test_an_intent_with_an_impossible_figure_is_refused(opened: Opened, changes: dict[str, float]) -> None:
     ledger, task_id = opened
@@ -179,13 +182,19 @@ def test_dangling_intents_are_booked_as_the_full_pulse_and_their_targets_as_unce
 
 def test_targets_come_back_as_they_were_written(opened: Opened) -> None:
     ledger, task_id = opened
-    changed = replace(target(2, TargetState.UNREACHABLE, x_m=0.61), reason="out of the arm's reach", sightings=3)
+    changed = replace(
+        target(2, TargetState.UNREACHABLE, x_m=0.61),
+        reason="out of the arm's reach", sightings=3, measured=False, ripeness_weight=2.1,
+    )  # fmt: skip
     ledger.upsert_targets(task_id, [changed, target(4)])
     read = {item.id: item for item in ledger.targets(task_id)}
     assert sorted(read) == [1, 2, 3, 4]
     np.testing.assert_array_equal(read[2].centre_m, changed.centre_m)
     np.testing.assert_array_equal(read[2].covariance_m2, changed.covariance_m2)
-    for name in ("diameter_m", "diameter_sigma_m", "ripeness", "ripeness_score", "confidence", "visible_fraction"):
+    for name in (
+        "diameter_m", "diameter_sigma_m", "ripeness", "ripeness_score", "ripeness_weight", "confidence",
+        "visible_fraction", "measured",
+    ):  # fmt: skip
         assert getattr(read[2], name) == getattr(changed, name)
     assert (read[2].state, read[2].reason, read[2].sightings) == (
         TargetState.UNREACHABLE,

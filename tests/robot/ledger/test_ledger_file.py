@@ -174,7 +174,7 @@ def test_a_ledger_of_a_newer_program_is_refused(tmp_path: Path) -> None:
         raw.execute("PRAGMA user_version = 99")
     raw.close()
     for door in (Ledger.open, LedgerReader.open_read_only):
-        with pytest.raises(FileError, match=r"schema 99, this one knows 1\); update the program"):
+        with pytest.raises(FileError, match=r"schema 99, this one knows 2\); update the program"):
             door(ledger.path)
 
 

@@ -16,8 +16,9 @@ from robot.vision.values import Circle, Fruit, Ripeness
 Image = npt.NDArray[np.uint8]
 
 SIGMA_M = np.array([0.002, 0.002, 0.008])
-SIZE_SIGMA = 0.04
+SIZE_SIGMA, HIDDEN_SIZE_SIGMA = 0.04, 0.12
 LEAST_VISIBLE = 0.35
+MEASURED_FROM = 0.6
 SCORES = {Ripeness.GREEN: 0.05, Ripeness.TURNING: 0.5, Ripeness.RED: 0.95}
 
 
@@ -37,8 +38,9 @@ class WatchedRenderer(StereoRenderer):
 class Oracle:
     """Implements ``robot.vision.detector.Detector``: every fruit of which both eyes see ``LEAST_VISIBLE``.
 
-    Noise is 2, 2 and 8 mm along the camera's axes and 4 % of the diameter, drawn from the pair's own pixels and the
-    fruit, so that the same pair gives the same fruit.
+    Noise is 2, 2 and 8 mm along the camera's axes and 4 % of the diameter (12 % where less than ``MEASURED_FROM`` is
+    seen: too hidden to measure), drawn from the pair's own pixels and the fruit, so that the same pair gives the same
+    fruit.
     """
 
     def __init__(self, renderer: WatchedRenderer, fruits: Sequence[TwinFruit]) -> None:
@@ -59,7 +61,9 @@ class Oracle:
         true = self._fruits[view.id]
         ripeness = Ripeness(true.ripeness)
         centre_m = view.centre_m + rng.normal(0.0, SIGMA_M)
-        diameter_m = true.diameter_m * (1.0 + float(rng.normal(0.0, SIZE_SIGMA)))
+        measured = view.visible_fraction >= MEASURED_FROM
+        size_sigma = SIZE_SIGMA if measured else HIDDEN_SIZE_SIGMA
+        diameter_m = true.diameter_m * (1.0 + float(rng.normal(0.0, size_sigma)))
         circles = [
             Circle(float(u), float(v), 0.5 * diameter_m * float(K[0, 0] / centre_m[2]), ripeness, 0.95)
             for K, (u, v) in (
@@ -71,11 +75,12 @@ class Oracle:
             centre_m=centre_m,
             covariance_m2=np.diag(SIGMA_M**2),
             diameter_m=diameter_m,
-            diameter_sigma_m=SIZE_SIGMA * diameter_m,
+            diameter_sigma_m=size_sigma * diameter_m,
             ripeness=ripeness,
             ripeness_score=SCORES[ripeness],
             confidence=0.95,
             visible_fraction=view.visible_fraction,
+            measured=measured,
             left=circles[0],
             right=circles[1],
         )

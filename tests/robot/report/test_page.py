@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 import xml.etree.ElementTree as ET
 from dataclasses import replace
@@ -14,9 +15,12 @@ from typer.testing import CliRunner
 from robot.commands.report import load_truth, report
 from robot.errors import FileError
 from robot.ledger import Ledger, LedgerReader
-from robot.report import read_evidence, render
-from tests.robot.ledger.rows import INTENT, NOON, TASK, started, target
+from robot.report import kind_rows, read_evidence, render
+from robot.targets import TargetState
+from tests.robot.ledger.rows import INTENT, NOON, SPRAYED, TASK, started, target
 from tests.robot.report.sprayed_row import write_frame, write_ledger, write_truth
+
+TOO_HIDDEN_SHOT = "too hidden to measure: minimum dose"
 
 
 @pytest.fixture
@@ -109,6 +113,34 @@ def test_a_task_that_sprayed_nothing_has_a_page(tmp_path: Path) -> None:
         ledger.begin_task(TASK)
         page = render(read_evidence(ledger), None, None, None)
     assert "Nothing was sprayed." in page
+
+
+def test_factor_ripeness_and_the_reason_of_a_dose_are_shown(tmp_path: Path) -> None:
+    ledger, task_id = started(tmp_path / "ledger.sqlite")
+    hidden = replace(target(1, TargetState.SPRAYED), measured=False, diameter_m=0.063)
+    ledger.upsert_targets(task_id, [hidden, target(2, TargetState.SPRAYED)])
+    ledger.write_result(
+        ledger.write_intent(task_id, replace(INTENT, factor=1.0, reason=TOO_HIDDEN_SHOT)), SPRAYED
+    )
+    ledger.write_result(
+        ledger.write_intent(task_id, replace(INTENT, target_id=2, factor=0.5, reason="")),
+        replace(SPRAYED, reason="cut by a stop"),
+    )
+    evidence = read_evidence(ledger)
+    page = render(evidence, None, None, None)
+    ledger.close()
+    rows = [re.sub(r"<[^>]*>", "|", row) for row in re.findall(r"<tr>.*?</tr>", page, flags=re.DOTALL)]
+    first, second = (next(row for row in rows if f"|{words}|" in row) for words in (TOO_HIDDEN_SHOT, "cut by a stop"))
+    assert "|turning 0.55|" in first
+    assert "|~63|" in first
+    assert "|80|" in second
+    assert "|0.50|" in second
+    told = dict(kind_rows(evidence))
+    per_cm3 = 5.0 / (math.pi / 6.0 * 8.0**3)
+    assert told == {
+        "Turning fruit": f"2 of 3 sprayed, 10.0 ml, {per_cm3:.4f} ml/cm3, factor 0.50, 1 too hidden to measure"
+    }
+    assert told["Turning fruit"] in page
 
 
 def test_names_from_outside_cannot_inject_markup(tmp_path: Path) -> None:

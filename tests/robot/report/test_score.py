@@ -8,10 +8,11 @@ from pathlib import Path
 import pytest
 
 from drivers.twin.truth_record import read_truth
-from robot.dosing import DoseLaw, LawKind
+from robot.dosing import DoseLaw, DoseRules, Hidden, LawKind, RipenessFactors
 from robot.errors import UsageError
 from robot.ledger import Ledger, LedgerReader
 from robot.report import Judgement, judge, read_evidence, score_rows
+from robot.vision.values import Ripeness
 from tests.robot.report.sprayed_row import USUAL, Sprayed, write_ledger, write_truth
 
 
@@ -20,13 +21,14 @@ def judged(
     shots: tuple[Sprayed, ...] = USUAL,
     restart_after: int | None = None,
     reachable: frozenset[int] | None = None,
+    factors: RipenessFactors | None = None,
 ) -> Judgement:
     write_ledger(folder / "ledger.sqlite", shots, restart_after)
     write_truth(folder / "truth.jsonl", shots, restart_after)
     with LedgerReader.open_read_only(folder / "ledger.sqlite") as reader:
         evidence = read_evidence(reader)
-    law = DoseLaw(LawKind.VOLUME, 0.02, 1.5, 12.0)
-    return judge(evidence, read_truth(folder / "truth.jsonl"), reachable, law.dose_ml)
+    rules = DoseRules(DoseLaw(LawKind.VOLUME, 0.02, 1.5, 12.0), factors or RipenessFactors(), Hidden.MINIMUM)
+    return judge(evidence, read_truth(folder / "truth.jsonl"), reachable, rules.dose_ml)
 
 
 def test_fruits_are_counted_as_in_the_row_visible_seen_and_sprayed(tmp_path: Path) -> None:
@@ -108,6 +110,27 @@ def test_rows_for_the_terminal_name_the_wanted_fruits(tmp_path: Path) -> None:
     rows = dict(score_rows(judged(tmp_path, reachable=frozenset({1, 2, 3})).score))
     assert rows["sprayed of those visible and reachable"] == "2 of 3 (67 %)"
     assert rows["reachable from a stop"] == "3"
+
+
+RED_UNWANTED = RipenessFactors(treated=frozenset({Ripeness.GREEN, Ripeness.TURNING}))
+
+
+def test_fruit_that_is_not_to_be_treated_is_not_asked_for_and_counts_when_sprayed(tmp_path: Path) -> None:
+    """All fruits of the small row are red."""
+    score = judged(tmp_path, factors=RED_UNWANTED).score
+    assert (score.treated, score.wanted, score.wanted_percent, score.sprayed_untreated) == (0, 0, None, 2)
+    assert score.delivered_vs_due_median_percent is None
+    rows = dict(score_rows(score))
+    assert rows["of a ripeness that is treated"] == "0"
+    assert rows["sprayed though not to be treated"] == "2"
+
+
+def test_the_due_of_a_true_fruit_follows_its_ripeness(tmp_path: Path) -> None:
+    shots = (Sprayed(1, 2.7, {1: 2.7}),)
+    score = judged(tmp_path, shots, factors=RipenessFactors(red=0.5)).score
+    assert score.delivered_vs_due_median_percent == pytest.approx(100 * abs(2.7 / (0.01 * 268.083) - 1), rel=1e-3)
+    assert (score.treated, score.sprayed_untreated) == (4, 0)
+    assert "sprayed though not to be treated" not in dict(score_rows(score))
 
 
 def test_a_ledger_without_tasks_has_no_report(tmp_path: Path) -> None:

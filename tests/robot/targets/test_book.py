@@ -201,13 +201,14 @@ def test_a_fruit_moves_from_the_camera_to_the_row_with_its_covariance() -> None:
         left=circle,
         right=circle,
         visible_fraction=0.7,
+        measured=False,
     )
     # A camera that looks along row +y: optical x is row x, optical z is row y.
     row_from_camera = transform_from_xyz_rpy((1.0, 0.05, 0.9), (-np.pi / 2, 0.0, 0.0))
     moved = sighting(fruit, row_from_camera)
     np.testing.assert_allclose(moved.centre_m, [1.1, 0.55, 0.9], atol=1e-12)
     np.testing.assert_allclose(np.diag(moved.covariance_m2), [1e-6, 1e-4, 1e-6], atol=1e-12)
-    assert (moved.ripeness, moved.visible_fraction) == (Ripeness.GREEN, 0.7)
+    assert (moved.ripeness, moved.visible_fraction, moved.measured) == (Ripeness.GREEN, 0.7, False)
 
 
 def policy_case(**changes: object) -> tuple[bool, TargetState, str]:

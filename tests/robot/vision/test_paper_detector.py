@@ -10,7 +10,7 @@ import pytest
 from robot.vision.make import make_detector
 from robot.vision.paper import PaperDetector, PaperParameters, sphere_volume_m3
 from robot.vision.values import Ripeness
-from tests.robot.vision.spheres import Ball, photograph, small_rig
+from tests.robot.vision.spheres import LEAF_BGR, Ball, photograph, small_rig
 
 NEAR = Ball((-0.08, 0.03, 0.40), 0.09)
 FAR = Ball((0.13, -0.06, 0.50), 0.10)
@@ -32,6 +32,17 @@ def test_two_red_spheres_are_found_where_they_are_and_as_large_as_they_are(tilte
         assert fruit.ripeness is Ripeness.RED
         assert 0.8 < fruit.confidence <= 1.0
         assert fruit.visible_fraction > 0.9
+        assert fruit.measured
+
+
+def test_a_sphere_half_behind_a_leaf_is_found_and_not_measured() -> None:
+    rig = small_rig(tilted=False)
+    x_m, y_m, z_m = NEAR.centre_m
+    leaf = Ball((x_m - 0.2, y_m, z_m - 0.1), 0.4, LEAF_BGR)
+    (fruit,) = PaperDetector().detect(*photograph([NEAR, leaf], rig), rig)
+    assert fruit.diameter_m < 0.7 * NEAR.diameter_m
+    assert 0.5 < fruit.visible_fraction < 0.7
+    assert not fruit.measured
 
 
 def test_outlines_are_in_pixels_of_the_stored_images() -> None:
