@@ -48,16 +48,13 @@ class Pairs:
 
 
 def pairs_of(
-    left: Proposals, right: Proposals, scale: float, rig: StereoRig, pair: ParallelPair, parameters: FruitParameters
+    left: Proposals, right: Proposals, rig: StereoRig, pair: ParallelPair, parameters: FruitParameters
 ) -> Pairs:
-    """Every plausible pair; ``scale`` is the number of stored pixels a pixel of the proposals.
+    """Every plausible pair.
 
     The outline of a sphere is a cone about its centre: the middle of the box gives the ray, its size the angle.
     """
-    seen = [
-        _cones(found, scale, rig, pair, eye) for eye, found in enumerate((left, right))
-    ]
-    (x_l, y_l, r_l), (x_r, y_r, r_r) = seen
+    (x_l, y_l, r_l), (x_r, y_r, r_r) = (_cones(found, rig, pair, eye) for eye, found in enumerate((left, right)))
     radius = np.sqrt(r_l[:, None] * r_r[None])
     disparity = x_l[:, None] - x_r[None]
     row = (y_l[:, None] - y_r[None]) / radius / ROW_SIGMA
@@ -76,8 +73,8 @@ def pairs_of(
     sine = r / np.sqrt(1 + r**2)
     toward = np.stack([x * z, y * z, z], axis=1) / (1 - (sine**2)[:, None])
     score = np.sqrt(left.chance[i] * right.chance[j]) * np.exp(-0.5 * (miss[i, j] / 2.0) ** 2)
-    wide, high = (np.log(found.boxes[rows, 2] / found.boxes[rows, 3]) for found, rows in ((left, i), (right, j))) if len(i) else (np.zeros(0), np.zeros(0))
-    lean = np.clip(0.25 * (wide + high), -0.15, 0.15)
+    wider = np.log(left.boxes[i, 2] / left.boxes[i, 3]) + np.log(right.boxes[j, 2] / right.boxes[j, 3])
+    lean = np.clip(0.25 * wider, -0.15, 0.15)
     order = np.argsort(-score, kind="stable")[: parameters.candidates]
     found = Pairs(
         i, j, toward, np.linalg.norm(toward, axis=1) * sine, np.column_stack([lean, np.zeros(len(i))]), score, miss[i, j]
@@ -85,14 +82,13 @@ def pairs_of(
     return found[order]
 
 
-def _cones(found: Proposals, scale: float, rig: StereoRig, pair: ParallelPair, eye: int) -> tuple[Array, Array, Array]:
+def _cones(found: Proposals, rig: StereoRig, pair: ParallelPair, eye: int) -> tuple[Array, Array, Array]:
     """Direction x/z and y/z (n,) in the pair's frame, and tangent (n,) of the half-angle."""
-    stored = (found.boxes[:, :2] + 0.5) * scale - 0.5
     K, undistort = (rig.K_left, rig.undistort_left) if eye == 0 else (rig.K_right, rig.undistort_right)
-    straight = undistort(stored)
+    straight = undistort(found.boxes[:, :2])
     rays = np.column_stack([(straight - K[:2, 2]) / [K[0, 0], K[1, 1]], np.ones(len(found))])
     turned = rays @ (pair.rect_from_left if eye == 0 else pair.rect_from_right).T
     x, y = turned[:, 0] / turned[:, 2], turned[:, 1] / turned[:, 2]
-    radius = 0.5 * np.sqrt(found.boxes[:, 2] * found.boxes[:, 3]) * scale / np.sqrt(K[0, 0] * K[1, 1])
+    radius = 0.5 * np.sqrt(found.boxes[:, 2] * found.boxes[:, 3]) / np.sqrt(K[0, 0] * K[1, 1])
     slant = np.sqrt(1 + x**2 + y**2)
     return x, y, radius / slant**1.5

@@ -14,8 +14,9 @@ from robot.vision.training.views import CALYX, View
 Array = npt.NDArray[np.float64]
 Plane = npt.NDArray[np.float32]
 
-SIZE = (320, 256)
+SIZE = (320, 240)
 GAMMA = 2.2
+SCALES, PHOTO_SCALES = (0.65, 1.6), (0.6, 2.0)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -37,7 +38,8 @@ def augmented(view: View, generator: np.random.Generator) -> Example:
     """Another scale, place, side, light, colour, noise and sharpness. A drawn picture of SIZE."""
     height, width = view.image.shape[:2]
     base = SIZE[0] / max(width, height)
-    scale = base * float(np.exp(generator.uniform(np.log(0.62), np.log(1.6))))
+    smallest, largest = SCALES if view.whole else PHOTO_SCALES
+    scale = base * float(np.exp(generator.uniform(np.log(smallest), np.log(largest))))
     size = (max(16, round(width * scale)), max(16, round(height * scale)))
     factor = np.array([size[0] / width, size[1] / height])
     image = cv2.resize(view.image, size, interpolation=cv2.INTER_AREA if scale < 1 else cv2.INTER_LINEAR)

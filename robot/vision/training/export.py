@@ -19,8 +19,8 @@ OPSET = 13
 
 
 def export_proposer(model: Proposer) -> bytes:
-    """Takes (n, 3, h, w) with h and w multiples of 32, "planes"; gives "answer"."""
-    return _export(model, torch.zeros(2, 3, 256, 320), ["planes"], ["answer"], {"planes": {0: "n", 2: "h", 3: "w"}})
+    """Takes (n, 3, h, w) with h and w multiples of 16, "planes"; gives "answer"."""
+    return _export(model, torch.zeros(2, 3, 240, 320), ["planes"], ["answer"], {"planes": {0: "n", 2: "h", 3: "w"}})
 
 
 def export_outline(model: Tracer) -> bytes:

@@ -16,8 +16,6 @@ from robot.vision.training.true_outlines import Outline
 
 Array = npt.NDArray[np.float64]
 
-WIDE, NARROW = 0.42, 0.16
-"""How far the band of the first and of the second look reaches, in shares of the radius."""
 RIGHT_CENTRE, RIGHT_SIZE = 0.3, 0.4
 """Nearer than this share of the diameter, and of about this size (log), the guess is of the fruit."""
 
@@ -61,7 +59,7 @@ def places_of(found: Iterable[Scene]) -> list[Place]:
     """Scenes with the outlines of their fruit."""
     out = []
     for scene in found:
-        pair = parallel_pair(scene.rig, scene.rig.image_size)
+        pair = parallel_pair(scene.rig)
         fruits = tuple(
             Known(
                 pair.rect_from_left @ tomato.centre_m,

@@ -16,9 +16,10 @@ import torch
 from torch import Tensor
 from torch.nn import functional
 
+from robot.vision.fruit.measure import NARROW, WIDE
 from robot.vision.fruit.polar import ANGLES, STEPS, sample_places, unrolled
 from robot.vision.training.outline_model import Tracer
-from robot.vision.training.traced import NARROW, WIDE, Known, Place, Trace, trace_answers
+from robot.vision.training.traced import Known, Place, Trace, trace_answers
 
 Array = npt.NDArray[np.float64]
 
@@ -27,6 +28,9 @@ RATE, DECAY = 2e-3, 0.01
 AVERAGE = 0.998
 WARM_UP = 200
 NOTHING_SHARE, ELSEWHERE_SHARE, NARROW_SHARE = 0.18, 0.22, 0.4
+WIDE_ERRORS, NARROW_ERRORS = (0.20, 0.20, 0.13), (0.06, 0.06, 0.04)
+"""Largest errors of the guesses: across in shares of the radius, log size, log range. Drawn evenly and beyond what the
+detector meets, so that the network learns to look and not to trust the guess."""
 MIRROR = (ANGLES // 2 - np.arange(ANGLES)) % ANGLES
 
 
@@ -103,11 +107,23 @@ def loss_of(rays: Tensor, verdict: Tensor, logits: Tensor, batch: Batch) -> tupl
     visible = torch.from_numpy(batch.visible)
     there = torch.isfinite(visible)
     share = functional.binary_cross_entropy_with_logits(verdict[there, 1], visible[there])
-    total = edge + 0.3 * bins + 0.3 * seen + 0.6 * right + 0.2 * share
+    shift = _shift(said[:, 0] - torch.nan_to_num(wanted), known)
+    total = edge + 0.3 * bins + shift + 0.3 * seen + 0.6 * right + 0.2 * share
     parts = {
-        "miss": miss[known].mean(), "edge": edge, "bins": bins, "seen": seen, "fruit": right, "visible": share,
+        "miss": miss[known].mean(), "edge": edge, "bins": bins, "shift": shift, "seen": seen, "fruit": right, "visible": share,
     }  # fmt: skip
     return total, {name: float(value.detach()) for name, value in parts.items()}
+
+
+def _shift(miss: Tensor, known: Tensor) -> Tensor:
+    """How far all edges of a view are off together: sideways between the views (that is range), and in size."""
+    whole = known.all(dim=2).all(dim=1)
+    if not whole.any():
+        return miss.sum() * 0.0
+    turn = torch.arange(ANGLES, dtype=torch.float32) * (2 * math.pi / ANGLES)
+    across = 2 * (miss[whole] * torch.cos(turn)).mean(dim=2)
+    between = (across[:, 0] - across[:, 1]).abs().mean()
+    return between + miss[whole].mean(dim=(1, 2)).abs().mean()
 
 
 def _batches(places: Sequence[Place], schedule: Schedule) -> Iterator[Batch]:
@@ -180,12 +196,12 @@ def _guess(place: Place, generator: np.random.Generator) -> tuple[Array, float, 
         off = generator.normal(0.0, 0.25, 3) * fruit.radius_m * [1.0, 1.0, 0.0]
         return stretch * (fruit.centre_m + off), float(stretch * fruit.radius_m * np.exp(generator.normal(0, 0.15))), WIDE
     wide = generator.random() > NARROW_SHARE
-    size = (0.10, 0.05, 0.09) if wide else (0.02, 0.010, 0.02)
-    size = tuple(s * (2.0 if generator.random() < 0.2 else 1.0) for s in size)
-    centre = fruit.centre_m * np.exp(generator.normal(0.0, size[1]))
-    centre = centre + generator.normal(0.0, size[0], 3) * fruit.radius_m * [1.0, 1.0, 0.0]
+    across, size, depth = WIDE_ERRORS if wide else NARROW_ERRORS
+    centre = fruit.centre_m * np.exp(generator.uniform(-depth, depth))
+    centre = centre + generator.uniform(-across, across, 3) * fruit.radius_m * [1.0, 1.0, 0.0]
     scale = np.linalg.norm(centre) / np.linalg.norm(fruit.centre_m)
-    return centre, float(fruit.radius_m * scale * np.exp(generator.normal(0.0, size[2]))), WIDE if wide else NARROW
+    radius = float(fruit.radius_m * scale * np.exp(generator.uniform(-size, size)))
+    return centre, radius, WIDE if wide else NARROW
 
 
 def _anywhere(place: Place, generator: np.random.Generator) -> Array:
