@@ -73,7 +73,7 @@ def _camera(generator: np.random.Generator) -> Array:
 
 def draw_scene(generator: np.random.Generator, seed: int) -> Scene:
     """A row of any usual crop at any hour."""
-    red, turning, green = generator.dirichlet((2.0, 1.2, 2.0))
+    red, turning, _ = generator.dirichlet((2.0, 1.2, 2.0))
     return Scene(
         seed=seed,
         hour=float(generator.uniform(8.0, 20.0)),
@@ -116,7 +116,7 @@ def write_scene(folder: Path, name: str, rig: Rig, scene: Scene, generator: np.r
     by_id = {fruit.id: fruit for fruit in greenhouse.fruits}
     eyes_from_row = _eyes_from_row(rig.optics, pose)
     rays = tuple(Rays(eye, SIZE) for eye in (rig.optics.left, rig.optics.right))
-    tomatoes = []
+    tomatoes: list[dict[str, Any]] = []
     for seen in renderer.truth(pose):
         if max(seen.left.visible_fraction, seen.right.visible_fraction) < LEAST_SHOWN:
             continue
@@ -162,7 +162,7 @@ def _pose(generator: np.random.Generator) -> Array:
 
 
 def _eyes_from_row(optics: StereoOptics, row_from_left: Array) -> tuple[Array, Array]:
-    left_from_row = np.linalg.inv(row_from_left)
+    left_from_row = np.asarray(np.linalg.inv(row_from_left), dtype=np.float64)
     right_from_left = np.eye(4)
     right_from_left[:3, :3], right_from_left[:3, 3] = optics.right.R, optics.right.t_m
     return left_from_row, right_from_left @ left_from_row

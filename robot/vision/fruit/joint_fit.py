@@ -21,8 +21,8 @@ ITERATIONS = 5
 @dataclass(frozen=True, slots=True, eq=False)
 class Spheroids:
     """n fitted fruit: ``centre_m`` (n, 3), ``radius_m`` (n,) mean outline radius, ``harmonic`` (n, 2), ``covariance``
-    (n, 4, 4) of x, y, z and radius in m^2, ``residual_px`` (n, 2, k), ``weights`` (n, 2, k) and ``scale`` (n,), by how much the
-    residuals exceed their sigmas."""
+    (n, 4, 4) of x, y, z and radius in m^2, ``residual_px`` (n, 2, k), ``weights`` (n, 2, k) and ``scale`` (n,), by
+    how much the residuals exceed their sigmas."""
 
     centre_m: Array
     radius_m: Array

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import io
 from dataclasses import dataclass
-from importlib import resources
+from importlib.resources.abc import Traversable
 
 import numpy as np
 import numpy.typing as npt
 
+from robot.vision.fruit.models import checked, model_folder
 from robot.vision.fruit.network import Network, network_from, sigmoid
 
 Array = npt.NDArray[np.float64]
@@ -25,7 +27,8 @@ class Judge:
         return chances[:, 0], np.minimum(chances[:, 0], chances[:, 1])
 
 
-def load_judge() -> Judge:
-    """The verifier that is shipped with the package (made by ``make train``)."""
-    with resources.files(__package__).joinpath("models", "judge.npz").open("rb") as file, np.load(file) as stored:
+def load_judge(folder: Traversable | None = None) -> Judge:
+    """The verifier of a folder, by default the package's. Raises ``ModelError``."""
+    place = model_folder() if folder is None else folder
+    with np.load(io.BytesIO(checked(place, "judge.npz"))) as stored:
         return Judge(network_from({name: stored[name] for name in stored.files}, "judge"))

@@ -9,16 +9,14 @@ from importlib import resources
 from importlib.resources.abc import Traversable
 
 import cv2
-import numpy as np
-import numpy.typing as npt
 
-Plane = npt.NDArray[np.float32]
+from robot.errors import FileError
 
-NAMES = ("proposer", "outline")
+DIGESTS = "digests.json"
 REMEDY = "install the package again, or make the weights anew with 'make train'"
 
 
-class ModelError(ValueError):
+class ModelError(FileError):
     """A network's file is missing, or is not what was shipped."""
 
 
@@ -30,37 +28,42 @@ class Models:
     outline: cv2.dnn.Net
 
 
+def model_folder() -> Traversable:
+    """Where the package keeps its networks."""
+    return resources.files(__package__).joinpath("models")
+
+
 def load_models(folder: Traversable | None = None) -> Models:
     """The networks of a folder, by default the package's. Raises ``ModelError``."""
-    place = resources.files(__package__).joinpath("models") if folder is None else folder
-    digests = _digests(place)
-    nets = [_net(place.joinpath(f"{name}.onnx"), digests.get(name, "")) for name in NAMES]
-    return Models(*nets)
+    place = model_folder() if folder is None else folder
+    return Models(_net(place, "proposer.onnx"), _net(place, "outline.onnx"))
 
 
-def _digests(place: Traversable) -> dict[str, str]:
-    path = place.joinpath("digests.json")
+def checked(folder: Traversable, name: str) -> bytes:
+    """The content of a file whose digest is right. Raises ``ModelError``."""
+    path = folder.joinpath(name)
     try:
-        content = json.loads(path.read_text(encoding="utf-8"))
-    except (OSError, ValueError) as error:
-        raise ModelError(f"expected the digests of the networks at {path}, found none ({error}); {REMEDY}") from error
-    if not isinstance(content, dict):
-        raise ModelError(f"expected digests by name in {path}, found {type(content).__name__}; {REMEDY}")
-    return {str(name): str(value) for name, value in content.items()}
-
-
-def _net(path: Traversable, digest: str) -> cv2.dnn.Net:
+        digest = json.loads(folder.joinpath(DIGESTS).read_text(encoding="utf-8"))[name]
+    except (OSError, ValueError, TypeError, KeyError) as error:
+        place = folder.joinpath(DIGESTS)
+        raise ModelError(f"expected the digest of {name} in {place}, found none ({error!r}); {REMEDY}") from error
     try:
         data = path.read_bytes()
     except OSError as error:
         raise ModelError(f"expected a network at {path}, found none ({error.strerror}); {REMEDY}") from error
     found = hashlib.sha256(data).hexdigest()
     if found != digest:
-        raise ModelError(f"{path}: expected the digest {digest[:12] or 'none'}, found {found[:12]}; {REMEDY}")
-    buffer = np.frombuffer(data, dtype=np.uint8)
+        raise ModelError(f"{path}: expected the digest {str(digest)[:12]}, found {found[:12]}; {REMEDY}")
+    return data
+
+
+def _net(folder: Traversable, name: str) -> cv2.dnn.Net:
+    checked(folder, name)
+    path = folder.joinpath(name)
+    # OpenCV 5 has a second engine, slower on plain convolutions; OpenCV 4 has this one only
+    classic = getattr(cv2.dnn, "ENGINE_CLASSIC", None)
     try:
-        # OpenCV 5 has a second engine, which is slower on plain convolutions; OpenCV 4 knows this one only
-        classic = getattr(cv2.dnn, "ENGINE_CLASSIC", None)
-        return cv2.dnn.readNetFromONNX(buffer) if classic is None else cv2.dnn.readNetFromONNX(buffer, classic)
+        with resources.as_file(path) as file:
+            return cv2.dnn.readNetFromONNX(str(file), *(() if classic is None else (classic,)))
     except cv2.error as error:
         raise ModelError(f"{path}: not a network that this OpenCV reads ({error.err}); {REMEDY}") from error

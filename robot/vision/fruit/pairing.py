@@ -76,10 +76,8 @@ def pairs_of(
     wider = np.log(left.boxes[i, 2] / left.boxes[i, 3]) + np.log(right.boxes[j, 2] / right.boxes[j, 3])
     lean = np.clip(0.25 * wider, -0.15, 0.15)
     order = np.argsort(-score, kind="stable")[: parameters.candidates]
-    found = Pairs(
-        i, j, toward, np.linalg.norm(toward, axis=1) * sine, np.column_stack([lean, np.zeros(len(i))]), score, miss[i, j]
-    )
-    return found[order]
+    size_m = np.linalg.norm(toward, axis=1) * sine
+    return Pairs(i, j, toward, size_m, np.column_stack([lean, np.zeros(len(i))]), score, miss[i, j])[order]
 
 
 def _cones(found: Proposals, rig: StereoRig, pair: ParallelPair, eye: int) -> tuple[Array, Array, Array]:

@@ -17,7 +17,7 @@ Array = npt.NDArray[np.float64]
 Image = npt.NDArray[np.uint8]
 
 ANGLES, STEPS = 48, 24
-TURN_RAD = np.arange(ANGLES) * (2 * np.pi / ANGLES)
+TURN_RAD: Array = np.arange(ANGLES, dtype=np.float64) * (2 * np.pi / ANGLES)
 ALONG = np.linspace(-1.0, 1.0, STEPS)
 
 

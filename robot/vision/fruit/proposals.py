@@ -19,7 +19,8 @@ SAME_OVERLAP = 0.45
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Proposals:
-    """n fruit, most likely first: ``boxes`` (n, 4) centre u and v, width and height of the whole fruit in pixels; ``chance`` (n,) that it is one, ``visible`` (n,) share and ``ripeness`` (n,), 0 green to 1 red.
+    """n fruit, most likely first: ``boxes`` (n, 4) centre u and v, width and height of the whole fruit in pixels;
+    ``chance`` (n,) that it is one, ``visible`` (n,) share and ``ripeness`` (n,), 0 green to 1 red.
     """
 
     boxes: Array

@@ -15,7 +15,7 @@ Image = npt.NDArray[np.uint8]
 Plane = npt.NDArray[np.float32]
 
 LONG_SIDE_PX = 320
-MULTIPLE = 16
+MULTIPLE = 32
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -34,12 +34,18 @@ def prepare(*images: Image) -> Prepared:
     padded = (-(-size[1] // MULTIPLE) * MULTIPLE, -(-size[0] // MULTIPLE) * MULTIPLE)
     planes = np.zeros((len(images), 3, *padded), dtype=np.float32)
     for k, image in enumerate(images):
-        while image.shape[1] >= 2 * size[0] and image.shape[0] >= 2 * size[1] and image.shape[1] % 2 == 0 == image.shape[0] % 2:
-            image = cv2.resize(image, (image.shape[1] // 2, image.shape[0] // 2), interpolation=cv2.INTER_AREA)
-        if (image.shape[1], image.shape[0]) != size:
-            image = cv2.resize(image, size, interpolation=cv2.INTER_AREA)
-        planes[k, :, : size[1], : size[0]] = normalised(image).transpose(2, 0, 1)
+        planes[k, :, : size[1], : size[0]] = normalised(_averaged(image, size)).transpose(2, 0, 1)
     return Prepared(planes, np.array([width / size[0], height / size[1]]))
+
+
+def _averaged(image: Image, size: tuple[int, int]) -> Image:
+    """Averaged down to ``size``, in halves as far as they go: twice as fast as in one step."""
+    while image.shape[1] % (2 * size[0]) == 0 == image.shape[0] % (2 * size[1]):
+        half = (image.shape[1] // 2, image.shape[0] // 2)
+        image = np.asarray(cv2.resize(image, half, interpolation=cv2.INTER_AREA), dtype=np.uint8)
+    if (image.shape[1], image.shape[0]) == size:
+        return image
+    return np.asarray(cv2.resize(image, size, interpolation=cv2.INTER_AREA), dtype=np.uint8)
 
 
 def propose(prepared: Prepared, net: cv2.dnn.Net, least_chance: float, most: int) -> list[Proposals]:

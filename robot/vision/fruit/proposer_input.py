@@ -15,4 +15,4 @@ def normalised(image: npt.NDArray[np.uint8]) -> Plane:
     """(h, w, 3) of about -0.5..1: codes brought to a common mean, so that exposure and gain hardly matter."""
     code = image.astype(np.float32) * np.float32(1 / 255.0)
     gain = np.clip(MEAN_CODE / max(float(code.mean()), 1e-3), LEAST_GAIN, MOST_GAIN)
-    return np.minimum(code * np.float32(gain), np.float32(1.5)) - np.float32(0.5)
+    return np.asarray(np.minimum(code * np.float32(gain), np.float32(1.5)) - np.float32(0.5), dtype=np.float32)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import cv2
 import numpy as np
@@ -68,7 +69,7 @@ def plain(view: View) -> Example:
     height, width = view.image.shape[:2]
     scale = SIZE[0] / max(width, height)
     size = (round(width * scale), round(height * scale))
-    image = cv2.resize(view.image, size, interpolation=cv2.INTER_AREA)
+    image = np.asarray(cv2.resize(view.image, size, interpolation=cv2.INTER_AREA), dtype=np.uint8)
     factor = np.array([size[0] / width, size[1] / height])
     boxes = (view.boxes.reshape(-1, 2, 2) + 0.5) * factor - 0.5
     border = np.array([0.0, 0.0, *size]) - 0.5
@@ -85,10 +86,10 @@ def _place(size: tuple[int, int], view: View, factor: Array, generator: np.rando
     else:
         wanted = room * generator.uniform(0.0, 1.0, 2)
     low, high = np.minimum(room, 0), np.maximum(room, 0)
-    return np.rint(np.clip(wanted, low, high))
+    return np.asarray(np.rint(np.clip(wanted, low, high)))
 
 
-def _framed(image: npt.NDArray[np.generic], shift: Array, fill: int) -> npt.NDArray[np.generic]:
+def _framed(image: npt.NDArray[Any], shift: Array, fill: int) -> npt.NDArray[Any]:
     """The part of the image at ``shift``, of SIZE; outside of the image ``fill``."""
     left, top = (int(value) for value in shift)
     out = np.full((SIZE[1], SIZE[0], *image.shape[2:]), fill, dtype=image.dtype)
@@ -104,7 +105,7 @@ def _mirrored(boxes: Array) -> Array:
     return out
 
 
-def _other_light(picture: npt.NDArray[np.generic], generator: np.random.Generator) -> npt.NDArray[np.uint8]:
+def _other_light(picture: npt.NDArray[Any], generator: np.random.Generator) -> npt.NDArray[np.uint8]:
     """Colour temperature, exposure, gamma, blur, noise of a dark picture, 8 bits."""
     light = (picture.astype(np.float32) / 255.0) ** GAMMA
     if generator.random() < 0.7:
@@ -117,7 +118,7 @@ def _other_light(picture: npt.NDArray[np.generic], generator: np.random.Generato
         gain *= np.exp(-generator.uniform(0.5, 4.0))
     light *= np.float32(gain)
     if generator.random() < 0.2:
-        light = cv2.GaussianBlur(light, (0, 0), float(generator.uniform(0.3, 1.2)))
+        light = np.asarray(cv2.GaussianBlur(light, (0, 0), float(generator.uniform(0.3, 1.2))))
     read, shot = (0.0008, 0.01) if not dark else (generator.uniform(0.0003, 0.0016), 0.012)
     noise = generator.standard_normal(light.shape, dtype=np.float32)
     light += noise * np.sqrt(np.float32(read) ** 2 + np.float32(shot) ** 2 * np.maximum(light, 0.0) * 0.25)
@@ -135,4 +136,4 @@ def _other_light(picture: npt.NDArray[np.generic], generator: np.random.Generato
 def _other_hue(light: Plane, generator: np.random.Generator) -> Plane:
     """A little more or less saturation."""
     grey = light.mean(axis=2, keepdims=True)
-    return np.maximum(grey + (light - grey) * np.float32(generator.uniform(0.75, 1.3)), 0.0)
+    return np.asarray(np.maximum(grey + (light - grey) * np.float32(generator.uniform(0.75, 1.3)), 0.0))

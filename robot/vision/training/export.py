@@ -5,12 +5,15 @@ from __future__ import annotations
 import hashlib
 import io
 import json
+import warnings
+from collections.abc import Mapping
 from pathlib import Path
 
 import torch
 from torch import nn
 
 from robot.vision.fruit.measure import AT_ONCE
+from robot.vision.fruit.models import DIGESTS
 from robot.vision.fruit.polar import ANGLES, STEPS
 from robot.vision.training.outline_model import CHANNELS, Tracer
 from robot.vision.training.proposer_model import Proposer
@@ -28,13 +31,14 @@ def export_outline(model: Tracer) -> bytes:
     return _export(model, torch.zeros(AT_ONCE, CHANNELS, ANGLES, STEPS), ["planes"], ["rays", "verdict"], {})
 
 
-def write_models(folder: Path, files: dict[str, bytes]) -> None:
-    """``<name>.onnx`` for each and ``digests.json`` over all."""
+def write_models(folder: Path, files: Mapping[str, bytes]) -> None:
+    """Each file, and the digests of all that stand there."""
     folder.mkdir(parents=True, exist_ok=True)
     for name, data in files.items():
-        (folder / f"{name}.onnx").write_bytes(data)
-    digests = {name: hashlib.sha256(data).hexdigest() for name, data in files.items()}
-    (folder / "digests.json").write_text(json.dumps(digests, indent=1, sort_keys=True) + "\n", encoding="utf-8")
+        (folder / name).write_bytes(data)
+    kept = sorted(path for path in folder.iterdir() if path.suffix in (".onnx", ".npz"))
+    digests = {path.name: hashlib.sha256(path.read_bytes()).hexdigest() for path in kept}
+    (folder / DIGESTS).write_text(json.dumps(digests, indent=1) + "\n", encoding="utf-8")
 
 
 def _export(
@@ -42,8 +46,11 @@ def _export(
 ) -> bytes:
     buffer = io.BytesIO()
     model.eval()
-    torch.onnx.export(
-        model, (example,), buffer, opset_version=OPSET, input_names=inputs, output_names=outputs,
-        dynamic_axes=axes or None, dynamo=False,
-    )  # fmt: skip
+    with warnings.catch_warnings():
+        # the older of the two exporters writes the plain operators that OpenCV reads, and says that it is the older
+        warnings.simplefilter("ignore", DeprecationWarning)
+        torch.onnx.export(
+            model, (example,), buffer, opset_version=OPSET, input_names=inputs, output_names=outputs,
+            dynamic_axes=axes or None, dynamo=False,
+        )  # fmt: skip
     return buffer.getvalue()

@@ -50,7 +50,8 @@ def targets_of(example: Example) -> Targets:
     for k, (left, top, right, bottom) in enumerate(example.boxes):
         wide, high = right - left, bottom - top
         centre_u, centre_v = (left + right) / 2, (top + bottom) / 2
-        shown_u, shown_v = np.clip(centre_u, 0, example.planes.shape[2] - 1), np.clip(centre_v, 0, example.planes.shape[1] - 1)
+        shown_u = np.clip(centre_u, 0, example.planes.shape[2] - 1)
+        shown_v = np.clip(centre_v, 0, example.planes.shape[1] - 1)
         out_u, out_v = abs(shown_u - centre_u) / max(wide, 1e-6), abs(shown_v - centre_v) / max(high, 1e-6)
         inside = (np.abs(u - centre_u) < wide / 2) & (np.abs(v - centre_v) < high / 2)
         hidden = example.visible[k] < LEAST_VISIBLE if np.isfinite(example.visible[k]) else False
@@ -98,9 +99,12 @@ def loss_of(out: Tensor, skin: Tensor, answers: list[Targets]) -> tuple[Tensor, 
             wanted = _tensor(np.concatenate([getattr(a, name) for a in answers]))
             known = torch.isfinite(wanted)
             if known.any():
-                part = functional.binary_cross_entropy_with_logits(
-                    said[known, column], wanted[known].clamp(0, 1), weights[known], reduction="sum"
-                ) / weights[known].sum()
+                part = (
+                    functional.binary_cross_entropy_with_logits(
+                        said[known, column], wanted[known].clamp(0, 1), weights[known], reduction="sum"
+                    )
+                    / weights[known].sum()
+                )
                 if name == "visible":
                     visible = part
                 else:

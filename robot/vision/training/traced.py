@@ -101,9 +101,7 @@ def _edge_shows(sight: Sight, mask: Mask | None, number: int) -> Array:
     return (on(inner) & ~on(outer)).astype(np.float64)
 
 
-def trace_answers(
-    place: Place, planes: npt.NDArray[np.float32], at: Array, centre_m: Array, radius_m: float
-) -> Trace:
+def trace_answers(place: Place, planes: npt.NDArray[np.float32], at: Array, centre_m: Array, radius_m: float) -> Trace:
     """The truth about ``planes`` unrolled at the pixels ``at`` (2, ANGLES, STEPS, 2) round a guess of a sphere."""
     unknown = np.full((2, ANGLES), np.nan)
     if not place.fruits:

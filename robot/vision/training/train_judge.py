@@ -20,8 +20,8 @@ Array = npt.NDArray[np.float64]
 FRUIT_WITHIN, FRUIT_SIZE = 0.5, 0.5
 WELL_WITHIN, WELL_SIZE = 0.12, 0.06
 """A guess is of a fruit within this share of its diameter and of about its size; nearer, it is measured well."""
-HIDDEN, COUNTED = 0.15, 0.4
-"""Fruit that show less are left out of the fit, of those between only the misses of others count."""
+HIDDEN, COUNTED, HALF_HIDDEN_COUNTS = 0.15, 0.4, 0.4
+"""Fruit that show less than the first are left out of the fit, those below the second count less."""
 HIDDEN_LAYER, STEPS, DECAY = 16, 4000, 3e-3
 
 
@@ -44,6 +44,8 @@ def gather(found: Iterable[Scene], models: Models, parameters: FruitParameters) 
             rows.append(looked.evidence)
             targets.append(answers)
             weights.append(counts)
+    if not rows:
+        raise ValueError("expected guesses of fruit in the scenes, found none: train the two networks longer")
     return Evidence(np.concatenate(rows), np.concatenate(targets), np.concatenate(weights))
 
 
@@ -63,7 +65,8 @@ def truth_of(looked: Looked, scene: Scene) -> tuple[Array, Array]:
     size = np.abs(2 * fit.volume_radius_m / true_diameter[nearest] - 1)
     fruit = (error < FRUIT_WITHIN) & (size < FRUIT_SIZE)
     well = (error < WELL_WITHIN) & (size < WELL_SIZE)
-    counts = np.where(fruit & (visible[nearest] < HIDDEN), 0.0, np.where(fruit & (visible[nearest] < COUNTED), 0.4, 1.0))
+    shown = visible[nearest]
+    counts = np.where(fruit & (shown < COUNTED), np.where(shown < HIDDEN, 0.0, HALF_HIDDEN_COUNTS), 1.0)
     return np.column_stack([fruit, well]).astype(np.float64), counts
 
 

@@ -19,6 +19,7 @@ from torch.nn import functional
 from robot.vision.fruit.measure import NARROW, WIDE
 from robot.vision.fruit.polar import ANGLES, STEPS, sample_places, unrolled
 from robot.vision.training.outline_model import Tracer
+from robot.vision.training.schedule import Schedule
 from robot.vision.training.traced import Known, Place, Trace, trace_answers
 
 Array = npt.NDArray[np.float64]
@@ -32,15 +33,6 @@ WIDE_ERRORS, NARROW_ERRORS = (0.20, 0.20, 0.13), (0.06, 0.06, 0.04)
 """Largest errors of the guesses: across in shares of the radius, log size, log range. Drawn evenly and beyond what the
 detector meets, so that the network learns to look and not to trust the guess."""
 MIRROR = (ANGLES // 2 - np.arange(ANGLES)) % ANGLES
-
-
-@dataclass(frozen=True, slots=True)
-class Schedule:
-    """``steps`` of a batch each; ``seed`` draws them."""
-
-    steps: int
-    seed: int = 0
-    workers: int = 1
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -110,7 +102,8 @@ def loss_of(rays: Tensor, verdict: Tensor, logits: Tensor, batch: Batch) -> tupl
     shift = _shift(said[:, 0] - torch.nan_to_num(wanted), known)
     total = edge + 0.3 * bins + shift + 0.3 * seen + 0.6 * right + 0.2 * share
     parts = {
-        "miss": miss[known].mean(), "edge": edge, "bins": bins, "shift": shift, "seen": seen, "fruit": right, "visible": share,
+        "miss": miss[known].mean(), "edge": edge, "bins": bins, "shift": shift, "seen": seen, "fruit": right,
+        "visible": share,
     }  # fmt: skip
     return total, {name: float(value.detach()) for name, value in parts.items()}
 
@@ -194,7 +187,8 @@ def _guess(place: Place, generator: np.random.Generator) -> tuple[Array, float, 
     if draw < NOTHING_SHARE + ELSEWHERE_SHARE:
         stretch = np.exp(generator.choice([-1.0, 1.0]) * generator.uniform(0.06, 0.45))
         off = generator.normal(0.0, 0.25, 3) * fruit.radius_m * [1.0, 1.0, 0.0]
-        return stretch * (fruit.centre_m + off), float(stretch * fruit.radius_m * np.exp(generator.normal(0, 0.15))), WIDE
+        radius = float(stretch * fruit.radius_m * np.exp(generator.normal(0.0, 0.15)))
+        return stretch * (fruit.centre_m + off), radius, WIDE
     wide = generator.random() > NARROW_SHARE
     across, size, depth = WIDE_ERRORS if wide else NARROW_ERRORS
     centre = fruit.centre_m * np.exp(generator.uniform(-depth, depth))

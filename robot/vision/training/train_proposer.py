@@ -7,7 +7,6 @@ import sys
 from collections.abc import Iterator, Sequence
 from concurrent.futures import Future, ProcessPoolExecutor
 from copy import deepcopy
-from dataclasses import dataclass
 from multiprocessing import get_context
 
 import cv2
@@ -17,21 +16,13 @@ import torch
 from robot.vision.training.augment import Example, augmented
 from robot.vision.training.proposer_loss import Targets, loss_of, targets_of
 from robot.vision.training.proposer_model import Proposer
+from robot.vision.training.schedule import Schedule
 from robot.vision.training.views import View
 
 BATCH = 16
 RATE, DECAY = 3e-3, 0.02
 AVERAGE = 0.998
 WARM_UP = 200
-
-
-@dataclass(frozen=True, slots=True)
-class Schedule:
-    """``steps`` of BATCH examples each; ``seed`` draws them."""
-
-    steps: int
-    seed: int = 0
-    workers: int = 1
 
 
 def train_proposer(sets: Sequence[tuple[float, Sequence[View]]], schedule: Schedule) -> Proposer:

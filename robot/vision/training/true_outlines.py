@@ -35,7 +35,7 @@ class Outline:
         """(..., 2) pixels."""
         turn = np.asarray(turn_rad, dtype=np.float64)
         out = self.radii(turn)[..., None] * np.stack([np.cos(turn), np.sin(turn)], axis=-1)
-        return np.asarray(out + [self.u_px, self.v_px])
+        return np.asarray(out + np.array([self.u_px, self.v_px]))
 
     def box(self) -> tuple[float, float, float, float]:
         """Left, top, right and bottom in pixels."""
@@ -49,7 +49,7 @@ def outline_of_points(points_px: npt.ArrayLike) -> Outline:
     points = np.asarray(points_px, dtype=np.float64)
     start = np.array([*points.mean(axis=0), 0.0, 0.0, 0.0])
     start[2] = np.hypot(*(points - start[:2]).T).mean()
-    fit = least_squares(lambda p: _miss(p, points), start, method="lm")
+    fit = least_squares(_miss, start, method="lm", args=(points,))
     return Outline(*(float(value) for value in fit.x))
 
 
@@ -81,7 +81,7 @@ def outline_of_mask(skin: npt.NDArray[np.bool_], box: npt.ArrayLike, area_px2: f
             parts.append(miss / np.sqrt(1.0 + miss**2) / np.sqrt(len(edge) / 12))
         return np.concatenate(parts)
 
-    fit = least_squares(misses, start, diff_step=1e-5)
+    fit = least_squares(misses, start, diff_step=np.full(5, 1e-5))
     return Outline(*(float(value) for value in fit.x))
 
 
