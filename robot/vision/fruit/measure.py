@@ -20,8 +20,6 @@ WIDE, NARROW = 0.42, 0.16
 """How far the band of the first and of the second look reaches, in shares of the radius."""
 FINEST_PX = 0.08
 """No edge is known better than this."""
-AT_ONCE = 8
-"""The network takes so many fruit at a time, always: another number would have its memory laid out anew."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -62,12 +60,7 @@ def answers(net: cv2.dnn.Net, planes: npt.NDArray[np.float32]) -> tuple[Array, A
     count = len(planes)
     rays = np.zeros((count, 6 * ANGLES))
     verdict = np.zeros((count, 2))
-    for k in range(0, count, AT_ONCE):
-        block = np.zeros((AT_ONCE, *planes.shape[1:]), dtype=np.float32)
-        some = planes[k : k + AT_ONCE]
-        block[: len(some)] = some
-        net.setInput(block)
-        out = net.forward(("rays", "verdict"))
-        rays[k : k + AT_ONCE] = out[0][: len(some)]
-        verdict[k : k + AT_ONCE] = out[1][: len(some)]
+    for k in range(count):  # one by one: a batch is no faster, and one of another size has its memory laid out anew
+        net.setInput(planes[k : k + 1])
+        rays[k], verdict[k] = (np.asarray(out)[0] for out in net.forward(("rays", "verdict")))
     return rays.reshape(count, 3, 2, ANGLES), verdict

@@ -15,7 +15,7 @@ Image = npt.NDArray[np.uint8]
 Plane = npt.NDArray[np.float32]
 
 LONG_SIDE_PX = 320
-MULTIPLE = 32
+MULTIPLE = 16
 
 
 @dataclass(frozen=True, slots=True, eq=False)

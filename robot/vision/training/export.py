@@ -12,7 +12,6 @@ from pathlib import Path
 import torch
 from torch import nn
 
-from robot.vision.fruit.measure import AT_ONCE
 from robot.vision.fruit.models import DIGESTS
 from robot.vision.fruit.polar import ANGLES, STEPS
 from robot.vision.training.outline_model import CHANNELS, Tracer
@@ -27,8 +26,8 @@ def export_proposer(model: Proposer) -> bytes:
 
 
 def export_outline(model: Tracer) -> bytes:
-    """Takes (AT_ONCE, CHANNELS, ANGLES, STEPS), "planes"; gives "rays" and "verdict"."""
-    return _export(model, torch.zeros(AT_ONCE, CHANNELS, ANGLES, STEPS), ["planes"], ["rays", "verdict"], {})
+    """Takes (1, CHANNELS, ANGLES, STEPS), "planes"; gives "rays" and "verdict"."""
+    return _export(model, torch.zeros(1, CHANNELS, ANGLES, STEPS), ["planes"], ["rays", "verdict"], {})
 
 
 def write_models(folder: Path, files: Mapping[str, bytes]) -> None:
