@@ -11,7 +11,9 @@ import typer
 from drivers.errors import DeviceBusy, DeviceError
 from robot.commands.arm import app as arm
 from robot.commands.calibrate import app as calibrate
+from robot.commands.calibrate_check import calibrate_check
 from robot.commands.calibrate_flow import calibrate_flow
+from robot.commands.calibrate_hand_eye import calibrate_hand_eye
 from robot.commands.config_check import app as config
 from robot.commands.demo import demo
 from robot.commands.detect import detect
@@ -44,7 +46,9 @@ app.add_typer(jog, name="jog")
 app.command()(spray)
 app.command()(trace)
 arm.command("home")(home)
+calibrate.command("check")(calibrate_check)
 calibrate.command("flow")(calibrate_flow)
+calibrate.command("hand-eye")(calibrate_hand_eye)
 
 
 def main() -> None:

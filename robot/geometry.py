@@ -67,6 +67,15 @@ def rotation_from_rpy(roll_rad: float, pitch_rad: float, yaw_rad: float) -> Vect
     )
 
 
+def rpy_from_rotation(rotation: Vector) -> tuple[float, float, float]:
+    """The inverse of ``rotation_from_rpy``, pitch in [-pi/2, pi/2]; looking straight up or down the roll is 0."""
+    pitch = math.asin(max(-1.0, min(1.0, -float(rotation[2, 0]))))
+    if abs(float(rotation[2, 0])) > 1.0 - 1e-12:
+        return 0.0, pitch, math.atan2(-float(rotation[0, 1]), float(rotation[1, 1]))
+    roll = math.atan2(float(rotation[2, 1]), float(rotation[2, 2]))
+    return roll, pitch, math.atan2(float(rotation[1, 0]), float(rotation[0, 0]))
+
+
 def transform_from_xyz_rpy(xyz_m: Sequence[float], rpy_rad: Sequence[float]) -> Transform:
     """Translation after a fixed-axis roll, pitch, yaw rotation."""
     roll, pitch, yaw = rpy_rad

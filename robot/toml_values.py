@@ -1,16 +1,23 @@
-"""Changing single numbers of a TOML file and nothing else: comments, order, spaces and line ends stay as they are."""
+"""Changing numbers, and lists of them, of a TOML file and nothing else.
+
+Comments, order, spaces and line ends stay as they are.
+"""
 
 from __future__ import annotations
 
 import difflib
 import re
 import tomllib
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from robot.atomic_file import atomic_file
 from robot.errors import ConfigError, FileError
 
+Numbers = float | Sequence[float]
+
+_NUMBER = r"[+-]?[\d._eE+-]+"
+_LIST = rf"\[\s*{_NUMBER}(?:\s*,\s*{_NUMBER})*\s*,?\s*\]"
 _HEADER = re.compile(r"^\s*\[(?P<name>[^\[\]]+)\]\s*(#.*)?$")
 
 
@@ -24,22 +31,23 @@ def read_toml_text(path: Path) -> str:
         raise ConfigError(f"{path}: not UTF-8 ({error}); mend the file") from error
 
 
-def with_numbers(text: str, section: str, numbers: Mapping[str, float], source: str) -> str:
-    """The text with these keys of ``[section]`` at new values.
+def with_numbers(text: str, section: str, numbers: Mapping[str, Numbers], source: str) -> str:
+    """The text with these keys of ``[section]`` at new values, a number or a list of numbers each.
 
-    ``ConfigError`` when one is not written there as ``key = number`` on a line of its own, or when anything else
-    would change.
+    ``ConfigError`` when one is not written there as ``key = value`` of that kind on a line of its own, or when
+    anything else would change.
     """
     lines = text.splitlines(keepends=True)
     for key, number in numbers.items():
-        place = _line_of(lines, section, key)
+        kind, shown, pattern = "number", repr(number), _NUMBER
+        if not isinstance(number, (int, float)):
+            kind, shown, pattern = "[numbers]", repr(list(number)), _LIST
+        place = _line_of(lines, section, key, pattern)
         if place is None:
-            raise ConfigError(
-                f"{source}: [{section}] has no line '{key} = number'; put it in by hand: {key} = {number!r}"
-            )
-        number_at = re.match(r"(\s*[\w\"'-]+\s*=\s*)([+-]?[\d._eE+-]+)", lines[place])
+            raise ConfigError(f"{source}: [{section}] has no line '{key} = {kind}'; put it in by hand: {key} = {shown}")
+        number_at = re.match(rf"(\s*[\w\"'-]+\s*=\s*){pattern}", lines[place])
         assert number_at is not None  # _line_of found it by a stricter pattern
-        lines[place] = f"{number_at[1]}{number!r}{lines[place][number_at.end():]}"
+        lines[place] = f"{number_at[1]}{shown}{lines[place][number_at.end():]}"
     changed = "".join(lines)
     _check(text, changed, section, numbers, source)
     return changed
@@ -61,10 +69,10 @@ def write_toml_text(path: Path, text: str) -> None:
         place.chmod(mode & 0o7777)
 
 
-def _line_of(lines: list[str], section: str, key: str) -> int | None:
-    """Where ``key`` of ``[section]`` stands with a plain number."""
+def _line_of(lines: list[str], section: str, key: str, value: str) -> int | None:
+    """Where ``key`` of ``[section]`` stands with a value of this pattern."""
     inside = False
-    pattern = re.compile(rf"^\s*(?P<quote>[\"']?){re.escape(key)}(?P=quote)\s*=\s*[+-]?[\d._eE+-]+\s*(#.*)?\r?\n?$")
+    pattern = re.compile(rf"^\s*(?P<quote>[\"']?){re.escape(key)}(?P=quote)\s*=\s*{value}\s*(#.*)?\r?\n?$")
     for number, line in enumerate(lines):
         if (header := _HEADER.match(line)) is not None or line.lstrip().startswith("[["):
             inside = header is not None and header["name"].strip() == section
@@ -73,9 +81,10 @@ def _line_of(lines: list[str], section: str, key: str) -> int | None:
     return None
 
 
-def _check(before: str, after: str, section: str, numbers: Mapping[str, float], source: str) -> None:
+def _check(before: str, after: str, section: str, numbers: Mapping[str, Numbers], source: str) -> None:
     """The new text says what the old one said but for the numbers: a pattern is no parser."""
     wanted, found = tomllib.loads(before), tomllib.loads(after)
-    wanted[section].update(numbers)
+    for key, value in numbers.items():
+        wanted[section][key] = list(value) if isinstance(value, Sequence) else value
     if wanted != found:
         raise ConfigError(f"{source}: cannot be changed without changing more; put the values in by hand")

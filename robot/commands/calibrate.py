@@ -5,8 +5,6 @@ from __future__ import annotations
 import glob
 import re
 from collections.abc import Sequence
-from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
 
@@ -15,10 +13,11 @@ from rich.console import Console
 from rich.table import Table
 
 from robot.calibration_file import save_rig
+from robot.commands.board_images import BoardOption, SquareOption, find_boards, parse_board
 from robot.errors import FileError, UsageError
-from robot.image_folder import Image, read_grey_image, size_text
-from robot.vision.board_corners import Array, Board, find_corners, same_order
-from robot.vision.camera_calibration import MIN_VIEWS, BoardView, StereoCalibration, calibrate_stereo
+from robot.vision.board_coverage import Coverage, coverage
+from robot.vision.camera_calibration import MIN_VIEWS, StereoCalibration, calibrate_stereo
+from robot.vision.held_out import HeldOut, RigErrors, hold_out, judge_rig
 
 app = typer.Typer(help="Calibrate a device.", no_args_is_help=True)
 
@@ -32,8 +31,8 @@ def calibrate() -> None:
 def calibrate_camera(
     left: Annotated[str, typer.Option("--left", metavar="GLOB", help="Quoted pattern of the left images.")],
     right: Annotated[str, typer.Option("--right", metavar="GLOB", help="Quoted pattern of the right images.")],
-    board: Annotated[str, typer.Option("--board", metavar="COLSxROWS", help="Inner corners of the chessboard.")],
-    square_m: Annotated[float, typer.Option("--square-m", metavar="M", help="Side of a square in metres.")],
+    board: BoardOption,
+    square_m: SquareOption,
     out: Annotated[Path, typer.Option("--out", metavar="FILE", help="The calibration, JSON.")],
     world_view: Annotated[
         int | None,
@@ -41,28 +40,38 @@ def calibrate_camera(
     ] = None,
 ) -> None:
     """Calibrate the stereo camera from views of a chessboard."""
-    chessboard = _board(board, square_m)
+    chessboard = parse_board(board, square_m)
     files = pair_views(_files("--left", left), _files("--right", right))
     if world_view is not None and world_view > len(files):
         raise UsageError(f"--world-view {world_view}: there are {len(files)} views; give 1 to {len(files)}")
-    search = _search(files, chessboard)
+    search = find_boards([(left_path.name, left_path, right_path) for left_path, right_path in files], chessboard)
     console = Console()
-    for path in search.without_board:
-        console.print(f"skipped: no {board} board found in {path}", highlight=False, soft_wrap=True)
+    for skipped in search.skipped:
+        console.print(f"skipped {skipped.path}: {skipped.why}", highlight=False, soft_wrap=True)
     world_name = None if world_view is None else files[world_view - 1][0].name
     if len(search.views) < MIN_VIEWS:
-        missing = f" (not in {search.without_board[0]})" if search.without_board else ""
+        missing = f" (not in {search.skipped[0].path}: {search.skipped[0].why})" if search.skipped else ""
         raise FileError(
             f"{left}: found the {board} board in both images of {len(search.views)} of {len(files)} views{missing}; "
             f"check --board and take at least {MIN_VIEWS} views that show the whole board"
         )
     try:
         calibration = calibrate_stereo(search.views, chessboard, search.image_size, world_name)
+        errors = judge_rig(search.views, chessboard, calibration.rig)
     except ValueError as error:
         raise FileError(f"{left}: {error}") from error
     save_rig(out, calibration.rig)
     console.print(_table(calibration))
-    for line in _summary(calibration, len(files), out):
+    try:
+        held_out: HeldOut | str = hold_out(search.views, chessboard, search.image_size)
+    except ValueError as error:
+        held_out = str(error)
+    covered = coverage(search.views, chessboard, search.image_size, float(calibration.rig.K_left[0, 0]))
+    lines = [
+        *_summary(calibration, len(files)), *_held_out_lines(errors, held_out), *coverage_lines(covered),
+        f"written: {out}",
+    ]  # fmt: skip
+    for line in lines:
         console.print(line, highlight=False, soft_wrap=True)
 
 
@@ -88,45 +97,15 @@ def pair_views(left: Sequence[Path], right: Sequence[Path]) -> list[tuple[Path, 
     return [(by_key[0][key], by_key[1][key]) for key in sorted(by_key[0], key=_natural)]
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class _Search:
-    views: list[BoardView]
-    without_board: list[Path]
-    image_size: tuple[int, int]
-
-
-def _search(files: Sequence[tuple[Path, Path]], board: Board) -> _Search:
-    first = read_grey_image(files[0][0])
-
-    def corners_of(path: Path) -> Array | None:
-        image: Image = read_grey_image(path)
-        if image.shape != first.shape:
-            raise FileError(
-                f"{path}: is {size_text(image)}, {files[0][0].name} is {size_text(first)}; "
-                "all views of a calibration must have one size"
-            )
-        return find_corners(image, board)
-
-    with ThreadPoolExecutor(max_workers=4) as pool:
-        left = list(pool.map(corners_of, [pair[0] for pair in files]))
-        right = list(pool.map(corners_of, [pair[1] for pair in files]))
-    views, without_board = [], []
-    for (left_path, right_path), left_px, right_px in zip(files, left, right, strict=True):
-        if left_px is not None and right_px is not None:
-            views.append(BoardView(left_path.name, left_px, same_order(left_px, right_px)))
-        else:
-            without_board.append(left_path if left_px is None else right_path)
-    return _Search(views, without_board, (first.shape[1], first.shape[0]))
-
-
-def _board(text: str, square_m: float) -> Board:
-    match = re.fullmatch(r"(\d{1,3})x(\d{1,3})", text)
-    if match is None:
-        raise UsageError(f"--board {text}: expected inner corners as COLUMNSxROWS, for example 7x5")
-    try:
-        return Board(int(match[1]), int(match[2]), square_m)
-    except ValueError as error:
-        raise UsageError(f"--board {text} --square-m {square_m:g}: {error}") from error
+def coverage_lines(covered: Coverage) -> list[str]:
+    """What the views have shown, and what to show next."""
+    if covered.complete:
+        return [f"coverage: complete ({covered.cell_share:.0%} of both images, all tilts and distances)"]
+    missing = [*covered.missing_regions, *covered.missing_tilts, *covered.missing_distances]
+    return [
+        f"coverage: {covered.cell_share:.0%} of both images; too little of: {', '.join(missing)}",
+        f"next view: {covered.advice}",
+    ]
 
 
 def _files(option: str, pattern: str) -> list[Path]:
@@ -152,7 +131,7 @@ def _table(calibration: StereoCalibration) -> Table:
     return table
 
 
-def _summary(calibration: StereoCalibration, views: int, out: Path) -> list[str]:
+def _summary(calibration: StereoCalibration, views: int) -> list[str]:
     rig = calibration.rig
     lines = [
         f"rms: left {calibration.left_rms_px:.3f} px, right {calibration.right_rms_px:.3f} px, "
@@ -164,4 +143,24 @@ def _summary(calibration: StereoCalibration, views: int, out: Path) -> list[str]
     names = [view.name for view in calibration.views if view.outlier]
     if names:
         lines.append(f"outliers: {', '.join(names)}; look at these images and calibrate again without the bad ones")
-    return [*lines, f"written: {out}"]
+    return lines
+
+
+def _held_out_lines(errors: RigErrors, held_out: HeldOut | str) -> list[str]:
+    lines = [f"all views: {_errors(errors)}"]
+    if isinstance(held_out, str):
+        return [*lines, f"views held out: not judged ({held_out})"]
+    lines.append(f"views held out: {_errors(held_out.held_out)}")
+    if held_out.much_worse:
+        lines.append(
+            f"warning: {held_out.held_out.rms_px:.3f} px on views held out against {held_out.used.rms_px:.3f} px on "
+            "those used: these views do not determine the lenses; add views as advised below and calibrate again"
+        )
+    return lines
+
+
+def _errors(errors: RigErrors) -> str:
+    return (
+        f"{errors.rms_px:.3f} px; triangulated board: size off by {1e2 * errors.scale_rms:.2f} %, "
+        f"squares by {1e3 * errors.square_rms_m:.2f} mm, flat to {1e3 * errors.flatness_rms_m:.2f} mm (rms)"
+    )

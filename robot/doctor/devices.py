@@ -10,7 +10,9 @@ from datetime import UTC, datetime, timedelta
 from typing import Protocol
 
 from drivers.arm.interface import Arm
+from drivers.camera.epipolar import SHIFT_LIMIT_PX, Verdict
 from drivers.camera.interface import StereoCamera
+from drivers.camera.watched import WatchedCamera
 from drivers.errors import DeviceError
 from drivers.gps.interface import Gps
 from drivers.gps.values import FixQuality
@@ -28,6 +30,7 @@ OPEN_S = 5.0
 LOOK_S = 5.0
 CAMERA_STALE_S = 0.5
 CLOCKS_APART = timedelta(seconds=5)
+ROWS_S = 2.5  # for enough pairs to tell whether the calibration holds
 DARK, BRIGHT = 20.0, 235.0  # mean code of a usable picture
 WEAK_DBM = -100.0
 
@@ -181,3 +184,21 @@ async def look_at_camera(camera: StereoCamera) -> AsyncIterator[Finding]:
         if not DARK <= mean <= BRIGHT:
             yield warning("camera", side, f"mean brightness {mean:.0f}", f"{DARK:.0f} to {BRIGHT:.0f}",
                           "take the cover off, clean the lens, or correct camera.exposure_s")  # fmt: skip
+    if isinstance(camera, WatchedCamera):
+        yield await _rows(camera)
+
+
+async def _rows(camera: WatchedCamera) -> Finding:
+    """Whether points lie on the rows on which the calibration has them."""
+    loop = asyncio.get_running_loop()
+    until_s = loop.time() + ROWS_S
+    while camera.watch.misalignment is None and loop.time() < until_s:
+        await camera.capture()
+    found = camera.watch.misalignment
+    verdict = Verdict.UNSURE if found is None else found.verdict()
+    if found is None or verdict is Verdict.UNSURE:
+        return fine("camera", "rows", "cannot be told here: too little in view for both lenses")
+    if verdict is Verdict.DECALIBRATED:
+        return warning("camera", "rows", str(found), f"points on their rows to {SHIFT_LIMIT_PX:g} px",
+                       "check with the board: sprayer calibrate check; then sprayer calibrate camera")  # fmt: skip
+    return fine("camera", "rows", str(found))

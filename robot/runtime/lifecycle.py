@@ -10,6 +10,7 @@ from dataclasses import dataclass, field
 from datetime import UTC, datetime
 from pathlib import Path
 
+from drivers.camera.watched import WatchedCamera
 from drivers.errors import DeviceBusy, DeviceError
 from drivers.twin.machine import Twin
 from robot import safety
@@ -218,7 +219,15 @@ class _Robot:
             finally:
                 keeping.cancel()
         recorder.write_rest()
+        self._keep_alignment()
         return state
+
+    def _keep_alignment(self) -> None:
+        """What the run's pictures told of the camera's calibration goes into the ledger, and so into the report."""
+        camera = self._devices.camera
+        if isinstance(camera, WatchedCamera) and (found := camera.watch.misalignment) is not None:
+            text = f"calibration {found.verdict()}: {found}"
+            self._ledger.record_event("camera", text, asyncio.get_running_loop().time())
 
     async def _work(self, group: asyncio.TaskGroup, context: MissionContext | None) -> State:
         if context is None:

@@ -81,7 +81,8 @@ def calibrate_stereo(
     right = _one_camera("right", corners.board, corners.right, image_size)
     alone = StereoRig(image_size, left.K, right.K, left.dist, right.dist, np.eye(3), np.zeros(3))
     posed = _stereo(corners, alone, cv2.CALIB_FIX_INTRINSIC)
-    joint = _stereo(corners, posed.rig, cv2.CALIB_USE_INTRINSIC_GUESS | cv2.CALIB_USE_EXTRINSIC_GUESS)
+    # without CALIB_USE_EXTRINSIC_GUESS: given a guess, OpenCV 5.0 returns another R and t than the one it settled on
+    joint = _stereo(corners, posed.rig, cv2.CALIB_USE_INTRINSIC_GUESS)
     rig, errors = joint.rig, joint.view_errors_px
     if world_view is not None:
         rig = replace(rig, world_from_left=joint.board_from_left[names.index(world_view)])

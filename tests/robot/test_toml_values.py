@@ -79,3 +79,15 @@ def test_a_file_that_cannot_be_read_is_named(tmp_path):
     (tmp_path / "latin.toml").write_bytes(b"# \xe4\n")
     with pytest.raises(ConfigError, match="not UTF-8"):
         read_toml_text(tmp_path / "latin.toml")
+
+
+def test_lists_of_numbers_are_changed_and_nothing_else():
+    text = "[rig]\nside = 'left'\ncamera_xyz_m = [ -0.03, 0.05,0.88 ]  # metres\ncamera_rpy_rad = [0.0, 0.0, 1.5]\n"
+    changed = with_numbers(text, "rig", {"camera_xyz_m": [0.1, -2e-05, 3.0]}, "x.toml")
+    assert changed == text.replace("[ -0.03, 0.05,0.88 ]", "[0.1, -2e-05, 3.0]")
+
+
+@pytest.mark.parametrize("value", ["[0.0, 'a']", "0.5", "[[0.0]]", "[\n0.0,\n1.0]", "[]"])
+def test_what_is_no_list_of_numbers_on_one_line_is_refused_with_the_line_to_put_in(value):
+    with pytest.raises(ConfigError, match=r"camera_xyz_m = \[numbers\].*by hand: camera_xyz_m = \[1.0, 2.0, 3.0\]"):
+        with_numbers(f"[rig]\ncamera_xyz_m = {value}\n", "rig", {"camera_xyz_m": (1.0, 2.0, 3.0)}, "x.toml")

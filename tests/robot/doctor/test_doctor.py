@@ -25,9 +25,11 @@ from robot.doctor.computer import calibration_findings, clock_finding, disk_find
 from robot.doctor.devices import examine, look_at_arm, look_at_camera, look_at_inputs, look_at_relay
 from robot.doctor.ports import adapter_findings, port_findings
 from robot.doctor.values import of_device_error
+from robot.geometry import rotation_from_rpy
 from robot.package_files import packaged
-from robot.runtime.backends import BuildOptions, build_devices
+from robot.runtime.backends import BuildOptions, build_devices, watched
 from robot.runtime.settings import load_arm
+from robot.vision.stereo_rig import StereoRig
 from tests.drivers.twin import rig
 
 DEMO = packaged("configs") / "demo.toml"
@@ -140,6 +142,28 @@ def look(twin: Twin, name: str, before: c.Command | None = None) -> list[Finding
 def test_a_pressed_estop_and_a_faulty_servo_are_told() -> None:
     assert levels(look(rig.twin(), "inputs", c.WorldEstop(True)))["e-stop"] is Level.WARN
     assert levels(look(rig.twin(), "arm", c.WorldServoError(2, 0x20)))["elbow"] is Level.FAIL
+
+
+@pytest.mark.parametrize(("turned_px", "level"), [(0.0, Level.OK), (1.0, Level.WARN)])
+def test_the_doctor_tells_whether_points_lie_on_their_rows(turned_px: float, level: Level) -> None:
+    twin = rig.twin()
+    optics = twin.nominal.optics
+    turn = rotation_from_rpy(turned_px / float(optics.K_left[0, 0]), 0.0, 0.0)
+    calibrated = StereoRig(
+        optics.image_size, optics.K_left, optics.K_right, optics.dist_left, optics.dist_right,
+        turn @ optics.R, turn @ optics.t_m,
+    )  # fmt: skip
+
+    async def main() -> list[Finding]:
+        config, clock = load_config(DEMO), asyncio.get_running_loop().time
+        devices = build_devices(config, load_arm(config, DEMO)[0], twin, clock, BuildOptions(DEMO), AsyncExitStack())
+        camera = watched(devices, calibrated, clock).camera
+        return await examine("camera", camera, lambda: look_at_camera(camera))
+
+    (rows,) = [finding for finding in run_virtual(main()) if finding.what == "rows"]
+    assert rows.level is level, rows.found
+    assert "px off" in rows.found
+    assert (rows.remedy == "") is (level is Level.OK)
 
 
 def test_a_silent_board_is_told_in_the_drivers_words() -> None:

@@ -6,7 +6,8 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from robot.geometry import rotation_from_rpy
+from robot.geometry import Transform, rotation_from_rpy
+from robot.vision.board_corners import Board
 from robot.vision.stereo_rig import StereoRig
 
 Array = npt.NDArray[np.float64]
@@ -41,3 +42,48 @@ def board_pair(index: int, rig: StereoRig, square_m: float) -> tuple[Image, Imag
         board_picture(rig.K_left @ left_from_plane, rig.image_size),
         board_picture(rig.K_right @ right_from_plane, rig.image_size),
     )
+
+
+def board_photo(
+    rig: StereoRig,
+    side: str,
+    board: Board,
+    camera_from_board: Transform,
+    blur_px: float = 0.7,
+    noise: float = 1.5,
+    seed: int = 0,
+    margin: float = 1.0,
+) -> Image:
+    """The board as one distorted lens of the rig sees it: four rays a pixel's side, blurred, with noise of ``noise``
+    codes. The outer squares are ``margin`` of a square wide; white card around them, grey behind.
+    """
+    rays = _fine_rays(rig, side)
+    if side == "right":
+        camera_from_board = Transform(rig.R, rig.t_m) @ camera_from_board
+    board_from_camera = camera_from_board.inverse()
+    direction, origin_m = board_from_camera.rotate(rays), board_from_camera.translation_m
+    on_plane = (origin_m - direction * (origin_m[2] / direction[:, 2])[:, None])[:, :2] / board.square_m
+    odd = np.floor(on_plane).astype(int).sum(axis=1) % 2 != 0
+    beyond = np.maximum(-on_plane, on_plane - [board.columns - 1, board.rows - 1]).max(axis=1)
+    codes = np.where(beyond < margin, np.where(odd, 35.0, 215.0), np.where(beyond < margin + 0.7, 215.0, 110.0))
+    width, height = rig.image_size
+    picture = codes.reshape(height, _FINE, width, _FINE).mean(axis=(1, 3))
+    picture = cv2.GaussianBlur(picture, (0, 0), blur_px)
+    picture += np.random.default_rng([seed, side == "right"]).normal(0.0, noise, picture.shape)
+    return np.clip(np.round(picture), 0, 255).astype(np.uint8)
+
+
+_FINE = 4
+_RAYS: dict[tuple[int, str], tuple[StereoRig, Array]] = {}
+
+
+def _fine_rays(rig: StereoRig, side: str) -> Array:
+    """Rays (n, 3) of a lens, ``_FINE`` by ``_FINE`` a pixel. Worked out once for each rig object."""
+    if (id(rig), side) not in _RAYS:
+        width, height = rig.image_size
+        y, x = np.mgrid[: height * _FINE, : width * _FINE]
+        stored = (np.column_stack([x.ravel(), y.ravel()]) + 0.5) / _FINE - 0.5
+        K, undistort = (rig.K_left, rig.undistort_left) if side == "left" else (rig.K_right, rig.undistort_right)
+        rays = np.column_stack([undistort(stored), np.ones(len(stored))]) @ np.linalg.inv(K).T
+        _RAYS[id(rig), side] = rig, rays
+    return _RAYS[id(rig), side][1]
