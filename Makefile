@@ -6,10 +6,11 @@ CONFIG ?= configs/demo.toml
 SEED   ?= 1
 SPEED  ?= 10
 OUT    ?= out/demo
+DATA   ?= $(or $(SPRAYER_SHARED),../shared)/data
 # Half of the suite waits for simulated wires: twice as many workers as cores.
 WORKERS ?= $(shell echo $$((2 * $$(nproc))))
 
-.PHONY: help demo test test-peers test-long check bench bench-vision clean
+.PHONY: help demo test test-peers test-long check bench bench-vision train clean
 
 help:
 	@echo "make demo       spray a simulated row and write a report (SEED=1 SPEED=10 CONFIG=configs/demo.toml)"
@@ -52,6 +53,15 @@ bench: $(VENV)/.installed-dev
 
 bench-vision: $(VENV)/.installed-dev
 	$(BIN)/python -m tests.bench.vision --out out/bench-vision
+$(VENV)/.installed-train: $(VENV)/.installed-dev
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[train]'
+	touch $@
+
+train: $(VENV)/.installed-train
+	$(BIN)/python -m drivers.twin.labelled_scenes --out out/train/twin --count 160 --seed 3
+	$(BIN)/python -m robot.vision.training --rendered $(DATA)/greenhouse/train --twin out/train/twin \
+	    --photos $(DATA)/tomato_photos --held-out $(DATA)/greenhouse/dev \
+	    --out robot/vision/fruit/models --card docs/model-card.md
 
 clean:
 	rm -rf $(VENV) out

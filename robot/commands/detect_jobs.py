@@ -66,7 +66,10 @@ def detect_pair(job: PairJob) -> list[str]:
             f"{job.calibration}: is for images of {width}x{height}, {pair.left} is {size_text(left)}; "
             "give the calibration of this camera at this resolution"
         )
-    fruits = _detector(job.detector).detect(left, right, job.rig)
+    try:
+        fruits = _detector(job.detector).detect(left, right, job.rig)
+    except ValueError as error:
+        raise FileError(f"{pair.left} and {pair.right.name}: {error}") from error
     if job.annotated is not None:
         _write_image(job.annotated, draw_fruits(left, fruits))
     return [_fruit_line(pair.scene_id, fruit) for fruit in fruits]
@@ -75,7 +78,10 @@ def detect_pair(job: PairJob) -> list[str]:
 def detect_single(job: MonoJob) -> list[str]:
     """One JSON line a fruit: pixels of the stored image."""
     image = read_image(job.image)
-    circles = _detector(job.detector).detect_mono(image)
+    try:
+        circles = _detector(job.detector).detect_mono(image)
+    except ValueError as error:
+        raise FileError(f"{job.image}: {error}") from error
     if job.annotated is not None:
         _write_image(job.annotated, draw_circles(image, circles))
     return [_line({"image": job.image.name, **_circle_fields(circle)}) for circle in circles]

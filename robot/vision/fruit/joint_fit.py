@@ -21,7 +21,8 @@ ITERATIONS = 5
 @dataclass(frozen=True, slots=True, eq=False)
 class Spheroids:
     """n fitted fruit: ``centre_m`` (n, 3), ``radius_m`` (n,) mean outline radius, ``harmonic`` (n, 2), ``covariance``
-    (n, 4, 4) of x, y, z and radius in m^2, ``residual_px`` (n, 2, k), ``weights`` (n, 2, k) and ``sigma_px`` (n,)."""
+    (n, 4, 4) of x, y, z and radius in m^2, ``residual_px`` (n, 2, k), ``weights`` (n, 2, k) and ``scale`` (n,), by
+    how much the residuals exceed their sigmas."""
 
     centre_m: Array
     radius_m: Array
@@ -29,7 +30,7 @@ class Spheroids:
     covariance: Array
     residual_px: Array
     weights: Array
-    sigma_px: Array
+    scale: Array
 
     def __getitem__(self, rows: npt.NDArray[np.int64]) -> Spheroids:
         """Some of the fruit."""
@@ -41,27 +42,31 @@ class Spheroids:
         return np.asarray(self.radius_m * (1.0 + self.harmonic[:, 0] / 3.0))
 
 
-def fit_spheroids(rays: Array, strength: Array, eyes_m: Array, start: Array, focal_px: float) -> Spheroids:
-    """Fit n fruit to unit ``rays`` (n, 2, k, 3) of the outline points in two views, weighted by ``strength`` (n, 2, k).
+def fit_spheroids(
+    rays: Array, sigma_px: Array, eyes_m: Array, start: Array, harmonic: Array, focal_px: float
+) -> Spheroids:
+    """Fit n fruit to unit ``rays`` (n, 2, k, 3) of the outline points in two views, each known to ``sigma_px``
+    (n, 2, k), pixels of ``focal_px``.
 
-    ``eyes_m`` (2, 3); ``start`` (n, 4) x, y, z, radius. Gauss-Newton with Tukey weights; residuals are in pixels of
-    ``focal_px``.
+    ``eyes_m`` (2, 3); ``start`` (n, 4) x, y, z, radius; ``harmonic`` (n, 2) to start from. Gauss-Newton with Tukey
+    weights of the residuals in their sigmas.
     """
     count = len(start)
     points = rays.shape[1] * rays.shape[2]
     state = np.zeros((count, 6))
     state[:, :3] = start[:, :3]
     state[:, 3] = np.log(start[:, 3])
-    state[:, 4] = FLATTENING_PRIOR[0]
+    state[:, 4:] = harmonic
     residual, jacobian = _residuals(state, rays, eyes_m, focal_px)
-    sigma = np.ones(count)
-    weights = strength
     normal = np.tile(np.eye(6), (count, 1, 1))
+    weights = np.ones_like(residual)
+    scale = np.ones(count)
     for k in range(ITERATIONS):
-        floor = max(0.25, 1.0 - 0.25 * k)
-        sigma = np.maximum(1.4826 * np.median(np.abs(residual).reshape(count, points), axis=1), floor)
-        weights = strength * np.clip(1 - (residual / (4.0 * sigma[:, None, None])) ** 2, 0.0, None) ** 2
-        information = (weights / sigma[:, None, None] ** 2).reshape(count, points, 1)
+        relative = residual / sigma_px
+        floor = max(1.0, 2.0 - 0.5 * k)
+        scale = np.maximum(1.4826 * np.median(np.abs(relative).reshape(count, points), axis=1), floor)
+        weights = np.clip(1 - (relative / (4.0 * scale[:, None, None])) ** 2, 0.0, None) ** 2
+        information = (weights / (sigma_px * scale[:, None, None]) ** 2).reshape(count, points, 1)
         transposed = (jacobian * information).transpose(0, 2, 1)
         normal = transposed @ jacobian
         gradient = (transposed @ residual.reshape(count, points, 1))[..., 0]
@@ -78,7 +83,7 @@ def fit_spheroids(rays: Array, strength: Array, eyes_m: Array, start: Array, foc
     to_radius = np.ones((count, 4))
     to_radius[:, 3] = radius
     covariance = covariance * to_radius[:, :, None] * to_radius[:, None, :]
-    return Spheroids(state[:, :3].copy(), radius, state[:, 4:].copy(), covariance, residual, weights, sigma)
+    return Spheroids(state[:, :3].copy(), radius, state[:, 4:].copy(), covariance, residual, weights, scale)
 
 
 def _add_priors(normal: Array, gradient: Array, state: Array) -> None:
@@ -126,12 +131,15 @@ def _looking_at(centre_m: Array, eyes_m: Array) -> tuple[Array, Array, Array, Ar
     return distance, right, down, axis
 
 
-def outline_rays(fit: Spheroids, eyes_m: Array, turn_rad: Array, beyond_rad: Array) -> Array:
-    """Unit rays (n, 2, k, m, 3) at the k angles ``turn_rad`` (from right to down), ``beyond_rad`` (n, m) outside."""
-    distance, right, down, axis = _looking_at(fit.centre_m, eyes_m)
-    shape = 1 + fit.harmonic[:, :1] * np.cos(2 * turn_rad) + fit.harmonic[:, 1:] * np.sin(2 * turn_rad)
-    sine = np.clip(fit.radius_m[:, None, None] * shape[:, None] / distance[..., None], 1e-6, 0.95)
-    angle = np.arcsin(sine)[..., None] + beyond_rad[:, None, None, :]
+def outline_rays(
+    centre_m: Array, radius_m: Array, harmonic: Array, eyes_m: Array, turn_rad: Array, beyond_rad: Array
+) -> Array:
+    """Unit rays (n, 2, k, m, 3) at the k angles ``turn_rad`` (from right to down), ``beyond_rad`` outside the outline,
+    of a shape that broadcasts to (n, 2, k, m)."""
+    distance, right, down, axis = _looking_at(centre_m, eyes_m)
+    shape = 1 + harmonic[:, :1] * np.cos(2 * turn_rad) + harmonic[:, 1:] * np.sin(2 * turn_rad)
+    sine = np.clip(radius_m[:, None, None] * shape[:, None] / distance[..., None], 1e-6, 0.95)
+    angle = np.arcsin(sine)[..., None] + beyond_rad
     outward = np.cos(turn_rad)[:, None] * right[:, :, None] + np.sin(turn_rad)[:, None] * down[:, :, None]
     return np.asarray(
         np.cos(angle)[..., None] * axis[:, :, None, None] + np.sin(angle)[..., None] * outward[:, :, :, None]

@@ -1,31 +1,34 @@
-"""From features to confidence and ripeness."""
+"""From evidence to confidence."""
 
 from __future__ import annotations
+
+import io
+from dataclasses import dataclass
+from importlib.resources.abc import Traversable
 
 import numpy as np
 import numpy.typing as npt
 
-from robot.vision.fruit.network import Network, sigmoid
-from robot.vision.values import Ripeness
+from robot.vision.fruit.models import checked, model_folder
+from robot.vision.fruit.network import Network, network_from, sigmoid
 
 Array = npt.NDArray[np.float64]
-ORDER = (Ripeness.GREEN, Ripeness.TURNING, Ripeness.RED)
 
 
-def judge(features: Array, network: Network) -> tuple[Array, Array]:
-    """Two chances (n,) each: that a hypothesis is a fruit (its confidence), and that it is one measured well."""
-    chances = np.nan_to_num(sigmoid(network.logits(features)).astype(np.float64), nan=0.0)
-    return chances[:, 0], np.minimum(chances[:, 0], chances[:, 1])
+@dataclass(frozen=True, slots=True, eq=False)
+class Judge:
+    """``network`` gives two logits: it is a fruit; it is one whose place and size are right."""
+
+    network: Network
+
+    def verdict(self, evidence: Array) -> tuple[Array, Array]:
+        """Two chances (n,) each: that a guess is a fruit (its confidence), and that it is one measured well."""
+        chances = np.nan_to_num(sigmoid(self.network.logits(evidence)).astype(np.float64), nan=0.0)
+        return chances[:, 0], np.minimum(chances[:, 0], chances[:, 1])
 
 
-def rank_of(confidence: Array, measured_well: Array) -> Array:
-    """What decides between hypotheses of the same fruit (n,)."""
-    return confidence * (0.2 + 0.8 * measured_well)
-
-
-def ripeness_of(tint: Array, network: Network) -> tuple[tuple[Ripeness, ...], Array]:
-    """The class and the score from 0 (green) to 1 (red) of (n, 4) tints."""
-    chances = sigmoid(network.logits(tint)).astype(np.float64) + 1e-9
-    chances /= chances.sum(axis=1, keepdims=True)
-    score = chances @ np.array([0.0, 0.5, 1.0])
-    return tuple(ORDER[k] for k in chances.argmax(axis=1)), score
+def load_judge(folder: Traversable | None = None) -> Judge:
+    """The verifier of a folder, by default the package's. Raises ``ModelError``."""
+    place = model_folder() if folder is None else folder
+    with np.load(io.BytesIO(checked(place, "judge.npz"))) as stored:
+        return Judge(network_from({name: stored[name] for name in stored.files}, "judge"))

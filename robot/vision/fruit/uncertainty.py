@@ -1,45 +1,52 @@
 """How far off a measured fruit may be: the fit's own covariance, what its model leaves out, and a doubtful outline.
 
-The constants were set on rendered scenes that the verifier was not trained on, so that squared errors divided by the
-covariance have the median of a chi-square.
+The constants were set on rendered scenes that the networks were not trained on, so that 95 % of the errors lie inside
+two sigmas.
 """
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 import numpy.typing as npt
 
-from robot.vision.fruit.joint_fit import Spheroids
+from robot.vision.fruit.measure import Traced
 from robot.vision.fruit.rectify import ParallelPair
 
 Array = npt.NDArray[np.float64]
-FIT_SCALE = 4.0
-"""Neighbouring edge points share their errors: the fit knows about a quarter of what it believes."""
-DISPARITY_SIGMA_PX, ACROSS_SIGMA_PX = 0.12, 0.15
-"""Working pixels; lobes, calyx and shadows that a spheroid does not have."""
-SHAPE_SIGMA = 0.012
+FIT_SCALE = 6.0
+"""Neighbouring edge points share their errors: the fit knows less than it believes, by this factor of variance."""
+DISPARITY_SIGMA_PX, ACROSS_SIGMA_PX = 0.05, 0.08
+"""Stored pixels; what the shape, the calibration and the lens model leave out."""
+SHAPE_SIGMA = 0.006
 DOUBTFUL_CENTRE, DOUBTFUL_SIZE = 0.12, 0.14
 """Shares of the diameter by which centre and size are off (one sigma) when the outline was not measured well."""
 
 
-def centre_covariances(fit: Spheroids, measured_well: Array, pair: ParallelPair) -> Array:
-    """(n, 3, 3) of the centres in the pair's frame; ``measured_well`` (n,) is the verifier's chance of that."""
+@dataclass(frozen=True, slots=True, eq=False)
+class Spread:
+    """Of n fruit: covariance ``centre_m2`` (n, 3, 3) in the pair's frame, one sigma ``diameter_m`` (n,)."""
+
+    centre_m2: Array
+    diameter_m: Array
+
+
+def spread_of(traced: Traced, measured_well: Array, pair: ParallelPair) -> Spread:
+    """``measured_well`` (n,) is the verifier's chance of that."""
+    fit = traced.fit
+    diameter = 2 * fit.volume_radius_m
     distance = np.linalg.norm(fit.centre_m, axis=1)
     axis = fit.centre_m / distance[:, None]
     along = axis[:, :, None] * axis[:, None, :]
     across = np.eye(3) - along
     depth_sigma = DISPARITY_SIGMA_PX * fit.centre_m[:, 2] ** 2 / (pair.focal_px * pair.baseline_m)
     across_sigma = ACROSS_SIGMA_PX * distance / pair.focal_px
-    doubt = (1 - measured_well) * (DOUBTFUL_CENTRE * 2 * fit.radius_m) ** 2
+    doubt = (1 - measured_well) ** 2
     out = FIT_SCALE * fit.covariance[:, :3, :3]
     out = out + along * (depth_sigma**2)[:, None, None] + across * (across_sigma**2)[:, None, None]
-    out = out + np.eye(3) * doubt[:, None, None]
-    return np.asarray(0.5 * (out + out.transpose(0, 2, 1)))
-
-
-def diameter_sigmas(fit: Spheroids, measured_well: Array) -> Array:
-    """(n,) one-sigma of the diameters, metres."""
-    diameter = 2 * fit.volume_radius_m
-    fitted = FIT_SCALE * 4 * fit.covariance[:, 3, 3]
-    doubt = (1 - measured_well) * (DOUBTFUL_SIZE * diameter) ** 2
-    return np.asarray(np.sqrt(fitted + (SHAPE_SIGMA * diameter) ** 2 + doubt))
+    out = out + along * (doubt * (DOUBTFUL_CENTRE * diameter) ** 2)[:, None, None]
+    out = out + across * (doubt * (0.3 * DOUBTFUL_CENTRE * diameter) ** 2)[:, None, None]
+    variance = 4 * FIT_SCALE * fit.covariance[:, 3, 3] + (SHAPE_SIGMA * diameter) ** 2
+    variance = variance + doubt * (DOUBTFUL_SIZE * diameter) ** 2
+    return Spread(np.asarray(0.5 * (out + out.transpose(0, 2, 1))), np.asarray(np.sqrt(variance)))

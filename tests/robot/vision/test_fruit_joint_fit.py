@@ -47,7 +47,12 @@ def test_a_sphere_is_located_without_the_depth_bias_of_outline_centres(
 ) -> None:
     centre = np.array(centre_m)
     fit = fit_spheroids(
-        tangent_rays(centre, radius_m), np.ones((1, 2, ANGLES)), EYES_M, start_near(centre, radius_m), FOCAL_PX
+        tangent_rays(centre, radius_m),
+        np.ones((1, 2, ANGLES)),
+        EYES_M,
+        start_near(centre, radius_m),
+        np.zeros((1, 2)),
+        FOCAL_PX,
     )
     assert np.abs(fit.centre_m[0] - centre).max() < 0.4e-3
     assert fit.radius_m[0] == pytest.approx(radius_m, rel=2e-3)
@@ -59,7 +64,7 @@ def test_a_quarter_of_the_outline_hidden_by_a_leaf_moves_the_fruit_less_than_a_m
     axis = centre / np.linalg.norm(centre)
     rays[0, 0, 10:26] += 0.15 * (axis - rays[0, 0, 10:26])
     rays /= np.linalg.norm(rays, axis=-1, keepdims=True)
-    fit = fit_spheroids(rays, np.ones((1, 2, ANGLES)), EYES_M, start_near(centre, radius_m), FOCAL_PX)
+    fit = fit_spheroids(rays, np.ones((1, 2, ANGLES)), EYES_M, start_near(centre, radius_m), np.zeros((1, 2)), FOCAL_PX)
     assert np.linalg.norm(fit.centre_m[0] - centre) < 1e-3
     assert fit.weights[0, 0, 10:26].max() < 0.05
 
@@ -72,7 +77,9 @@ def test_the_covariance_is_as_large_as_the_scatter_of_repeated_measurements() ->
     rays += generator.normal(0.0, sigma_px / FOCAL_PX, rays.shape)
     rays /= np.linalg.norm(rays, axis=-1, keepdims=True)
     start = np.repeat(start_near(centre, radius_m), count, axis=0)
-    fit = fit_spheroids(rays, np.ones((count, 2, ANGLES)), EYES_M, start, FOCAL_PX)
+    fit = fit_spheroids(
+        rays, np.full((count, 2, ANGLES), sigma_px), EYES_M, start, np.zeros((count, 2)), FOCAL_PX
+    )
     error = fit.centre_m - centre
     squared = np.einsum("ni,nij,nj->n", error, np.linalg.inv(fit.covariance[:, :3, :3]), error)
     assert 2.0 < squared.mean() < 5.0, "the mean of a chi-square of three degrees of freedom is 3"
@@ -81,7 +88,12 @@ def test_the_covariance_is_as_large_as_the_scatter_of_repeated_measurements() ->
 def test_depth_is_the_least_certain_direction() -> None:
     centre, radius_m = np.array([0.0, 0.0, 0.7]), 0.04
     fit = fit_spheroids(
-        tangent_rays(centre, radius_m), np.ones((1, 2, ANGLES)), EYES_M, start_near(centre, radius_m), FOCAL_PX
+        tangent_rays(centre, radius_m),
+        np.ones((1, 2, ANGLES)),
+        EYES_M,
+        start_near(centre, radius_m),
+        np.zeros((1, 2)),
+        FOCAL_PX,
     )
     sigma = np.sqrt(np.diagonal(fit.covariance[0])[:3])
     assert sigma[2] > 5 * max(sigma[0], sigma[1])
@@ -109,7 +121,8 @@ def test_a_flattened_fruit_is_given_the_diameter_of_the_sphere_of_equal_volume()
         ray = axis + np.abs(tangent)[:, None] * outward
         rays.append((ray / np.linalg.norm(ray, axis=1, keepdims=True))[:: 720 // 60])
     measured = np.array(rays)[None]
-    fit = fit_spheroids(measured, np.ones((1, 2, 60)), EYES_M, start_near(centre, equatorial_m), FOCAL_PX)
+    start = start_near(centre, equatorial_m)
+    fit = fit_spheroids(measured, np.ones((1, 2, 60)), EYES_M, start, np.zeros((1, 2)), FOCAL_PX)
     true_m = (equatorial_m**2 * polar_m) ** (1 / 3)
     assert fit.volume_radius_m[0] == pytest.approx(true_m, rel=0.01)
     assert np.linalg.norm(fit.centre_m[0] - centre) < 2e-3

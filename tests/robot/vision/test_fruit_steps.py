@@ -1,196 +1,247 @@
-"""The steps of the fruit detector, each on pictures simple enough to know the answer."""
+"""The steps between two pictures and a measured fruit, each against what is known of the scene."""
 
 from __future__ import annotations
 
-import cv2
 import numpy as np
 import numpy.typing as npt
 import pytest
 
-from robot.vision.fruit.candidates import find_candidates
-from robot.vision.fruit.contour import fit_circles, stack_of, trace
-from robot.vision.fruit.network import BLOCK, Network, network_from
+from drivers.twin.labelled_scenes import write_scenes
+from robot.vision.fruit.look import look
+from robot.vision.fruit.measure import NARROW, trace
+from robot.vision.fruit.models import Models, load_models
+from robot.vision.fruit.pairing import pairs_of
 from robot.vision.fruit.parameters import FruitParameters
-from robot.vision.fruit.planes import linear_light, planes_of, planes_of_light
-from robot.vision.fruit.rectify import parallel_pair, rectified
-from robot.vision.fruit.skin import skin_features
-from robot.vision.fruit.stereo_match import match_discs
-from robot.vision.fruit.suppress import keep_best, keep_best_circles
-from robot.vision.fruit.weights import load_weights
-from tests.robot.vision.greenhouse_views import crooked_rig, demo_rig
+from robot.vision.fruit.polar import ANGLES, STEPS, TURN_RAD, sample_places, unrolled
+from robot.vision.fruit.proposals import REFERENCE_PX, STRIDE, Proposals, overlaps, proposals_of
+from robot.vision.fruit.propose import prepare, propose
+from robot.vision.fruit.proposer_input import MEAN_CODE, normalised
+from robot.vision.fruit.rectify import parallel_pair
+from robot.vision.fruit.suppress import keep_best
+from robot.vision.stereo_rig import StereoRig
+from robot.vision.training.labelled import Scene, scenes
+from robot.vision.training.train_judge import truth_of
+from tests.robot.vision.spheres import Ball, photograph, small_rig
 
-Plane = npt.NDArray[np.float32]
-LEAF, RED = (40, 120, 50), (40, 40, 190)
-
-
-def scene_with_discs(
-    discs: list[tuple[float, float, float]], size: tuple[int, int] = (640, 480)
-) -> npt.NDArray[np.uint8]:
-    """Red discs (u, v, r) on leaf green, edges area-sampled by drawing four times as large."""
-    large = np.full((size[1] * 4, size[0] * 4, 3), LEAF, dtype=np.uint8)
-    for u, v, r in discs:
-        centre = (round((u + 0.5) * 64 - 8), round((v + 0.5) * 64 - 8))
-        cv2.circle(large, centre, round(r * 64), RED, -1, shift=4)
-    return np.asarray(cv2.resize(large, size, interpolation=cv2.INTER_AREA), dtype=np.uint8)
+Array = npt.NDArray[np.float64]
 
 
-def redness(image: npt.NDArray[np.uint8]) -> Plane:
-    """A skin map made by hand: 1 on the red of these pictures, 0 on their green."""
-    return np.clip(planes_of(image).red_green / 0.3 + 0.5, 0.0, 1.0).astype(np.float32)
+@pytest.fixture(scope="module")
+def models() -> Models:
+    return load_models()
 
 
-def test_chroma_and_texture_do_not_change_with_the_gain() -> None:
-    light = linear_light(scene_with_discs([(200.0, 200.0, 40.0)], (320, 240)))
-    bright = planes_of_light(np.asarray(light, dtype=np.float32), 1.0, 1.0)
-    half = planes_of_light(np.asarray(0.5 * light, dtype=np.float32), 1.0, 1.0)
-    assert np.abs(bright.red_green - half.red_green).max() < 0.01
-    assert np.abs(bright.yellow_blue - half.yellow_blue).max() < 0.02
-    assert np.abs(skin_features(bright) - skin_features(half)).max() < 0.06
+@pytest.fixture(scope="module")
+def twin_scenes(tmp_path_factory: pytest.TempPathFactory) -> list[Scene]:
+    folder = tmp_path_factory.mktemp("twin")
+    assert write_scenes(folder, count=4, seed=77) > 8
+    return list(scenes(folder))
 
 
-def test_working_pixels_and_stored_pixels_agree_on_where_a_point_is() -> None:
-    planes = planes_of(np.zeros((500, 400, 3), dtype=np.uint8))
-    assert planes.size == (256, 320)
-    points = np.array([[0.0, 0.0], [399.0, 499.0], [123.4, 77.7]])
-    assert planes.to_stored(planes.from_stored(points)) == pytest.approx(points)
-    assert planes.to_stored([[-0.5, -0.5], [255.5, 319.5]]) == pytest.approx(
-        np.array([[-0.5, -0.5], [399.5, 499.5]]), abs=1e-9
+def answer_with(peaks: list[tuple[int, int, float]], size: tuple[int, int] = (60, 80)) -> npt.NDArray[np.float32]:
+    """A network's answer with boxes of REFERENCE_PX at (row, column) of a logit, and nothing elsewhere."""
+    out = np.zeros((7, *size), dtype=np.float32)
+    out[0] = -9.0
+    for row, column, logit in peaks:
+        out[0, row, column] = logit
+    return out
+
+
+# --- one picture ------------------------------------------------------------------------------------------------
+
+
+def test_a_common_gain_leaves_the_networks_input_as_it_is() -> None:
+    image = np.random.default_rng(3).integers(20, 90, (240, 320, 3), dtype=np.uint8)
+    assert np.abs(normalised(image) - normalised(2 * image)).max() < 1e-5
+    assert (normalised(image) + 0.5).mean() == pytest.approx(MEAN_CODE, rel=0.01)
+
+
+@pytest.mark.parametrize("size", [(640, 480), (1280, 720), (500, 400), (333, 217)])
+def test_pixels_of_the_networks_input_are_led_back_to_the_stored_ones(size: tuple[int, int]) -> None:
+    width, height = size
+    image = np.full((height, width, 3), 100, dtype=np.uint8)
+    image[height // 2 - 12 : height // 2 + 13, width // 4 - 12 : width // 4 + 13] = 200
+    prepared = prepare(image)
+    assert prepared.planes.shape[2] % 16 == 0 == prepared.planes.shape[3] % 16
+    used = np.rint(np.array([width, height]) / prepared.scale).astype(int)
+    light = prepared.planes[0].sum(axis=0)[: used[1], : used[0]]
+    light = light - light.min()
+    rows, columns = np.indices(light.shape)
+    middle = np.array([(columns * light).sum(), (rows * light).sum()]) / light.sum()
+    middle = (middle + 0.5) * prepared.scale - 0.5
+    assert middle == pytest.approx([width // 4, height // 2], abs=0.5)
+
+
+def test_a_peak_is_a_box_where_its_cell_is() -> None:
+    found = proposals_of(answer_with([(10, 20, 2.0)]), 0.1, 10)
+    assert found.boxes[0].tolist() == [20.5 * STRIDE - 0.5, 10.5 * STRIDE - 0.5, REFERENCE_PX, REFERENCE_PX]
+    assert found.chance[0] == pytest.approx(1 / (1 + np.exp(-2.0)))
+
+
+def test_of_two_overlapping_boxes_the_likelier_stays_and_of_two_apart_both() -> None:
+    near = proposals_of(answer_with([(10, 20, 2.0), (10, 22, 1.0)]), 0.1, 10)
+    apart = proposals_of(answer_with([(10, 20, 2.0), (10, 30, 1.0)]), 0.1, 10)
+    assert (len(near), len(apart)) == (1, 2)
+
+
+def test_overlaps_are_intersections_over_unions() -> None:
+    box = np.array([[10.0, 10.0, 4.0, 4.0]])
+    others = np.array([[10.0, 10.0, 4.0, 4.0], [12.0, 10.0, 4.0, 4.0], [30.0, 10.0, 4.0, 4.0]])
+    assert overlaps(box, others)[0].tolist() == pytest.approx([1.0, 1 / 3, 0.0])
+
+
+# --- two pictures -----------------------------------------------------------------------------------------------
+
+
+def boxes_of(balls: list[Ball], rig: StereoRig) -> tuple[Proposals, Proposals]:
+    """Exact boxes round the outlines of balls in both views, by projecting their rims."""
+    out = []
+    for project, eye in ((rig.project_left, np.zeros(3)), (rig.project_right, -rig.R.T @ rig.t_m)):
+        boxes = []
+        for ball in balls:
+            centre, radius = np.array(ball.centre_m), ball.diameter_m / 2
+            axis = (centre - eye) / np.linalg.norm(centre - eye)
+            across = np.cross(axis, [0.0, 1.0, 0.0])
+            across /= np.linalg.norm(across)
+            down = np.cross(axis, across)
+            distance = float(np.linalg.norm(centre - eye))
+            sine = radius / distance
+            turn = np.linspace(0, 2 * np.pi, 180, endpoint=False)[:, None]
+            rim = eye + axis * distance * (1 - sine**2) + radius * np.sqrt(1 - sine**2) * (
+                np.cos(turn) * across + np.sin(turn) * down
+            )
+            low, high = project(rim).min(axis=0), project(rim).max(axis=0)
+            boxes.append([*(low + high) / 2, *(high - low)])
+        count = len(balls)
+        out.append(Proposals(np.array(boxes), np.full(count, 0.9), np.ones(count), np.ones(count)))
+    return out[0], out[1]
+
+
+@pytest.mark.parametrize("tilted", [False, True])
+def test_boxes_of_one_ball_give_its_place_and_size_without_the_depth_bias(tilted: bool) -> None:
+    rig = small_rig(tilted)
+    ball = Ball((0.04, -0.03, 0.45), 0.10)
+    pair = parallel_pair(rig)
+    found = pairs_of(*boxes_of([ball], rig), rig, pair, FruitParameters())
+    assert len(found) == 1
+    centre = found.centre_m[0] @ pair.rect_from_left
+    assert np.linalg.norm(centre - ball.centre_m) < 4e-3  # boxes through a bent lens are not quite cones
+    assert 2 * found.radius_m[0] == pytest.approx(ball.diameter_m, rel=0.02)
+
+
+def test_balls_in_other_rows_are_not_paired() -> None:
+    rig = small_rig(False)
+    balls = [Ball((-0.06, -0.08, 0.5), 0.06), Ball((0.08, 0.08, 0.5), 0.06)]
+    found = pairs_of(*boxes_of(balls, rig), rig, parallel_pair(rig), FruitParameters())
+    assert sorted(zip(found.left.tolist(), found.right.tolist(), strict=True)) == [(0, 0), (1, 1)]
+
+
+def test_of_balls_in_one_row_the_true_pairs_come_first() -> None:
+    rig = small_rig(False)
+    balls = [Ball((-0.08, 0.0, 0.5), 0.05), Ball((0.02, 0.0, 0.5), 0.08), Ball((0.12, 0.0, 0.6), 0.06)]
+    found = pairs_of(*boxes_of(balls, rig), rig, parallel_pair(rig), FruitParameters())
+    assert set(zip(found.left[:3].tolist(), found.right[:3].tolist(), strict=True)) == {(0, 0), (1, 1), (2, 2)}
+
+
+@pytest.mark.parametrize("tilted", [False, True])
+def test_the_middle_of_the_unrolled_band_is_the_outline_of_the_sphere(tilted: bool) -> None:
+    rig = small_rig(tilted)
+    ball = Ball((0.03, 0.02, 0.4), 0.09)
+    images = photograph([ball], rig)
+    pair = parallel_pair(rig)
+    centre = pair.rect_from_left @ np.array(ball.centre_m)
+    places, band = sample_places(
+        centre[None], np.array([ball.diameter_m / 2]), np.zeros((1, 2)), np.array([0.4]), rig, pair
     )
+    assert places.shape == (1, 2, ANGLES, STEPS, 2)
+    assert band[0] == pytest.approx(0.4 * np.arcsin(0.045 / np.linalg.norm(centre)))
+    planes = unrolled(images, places)[0]
+    for red, green in ((planes[2], planes[1]), (planes[5], planes[4])):
+        inside, outside = slice(0, STEPS // 2 - 1), slice(STEPS // 2 + 1, STEPS)
+        assert (red[:, inside] > green[:, inside]).all()
+        assert (red[:, outside] < green[:, outside]).all()
 
 
-@pytest.mark.parametrize("radius_px", [14.0, 25.0, 44.0, 80.0])
-def test_a_disc_of_any_size_is_the_strongest_candidate(radius_px: float) -> None:
-    image = scene_with_discs([(300.0, 230.0, radius_px)])
-    found = find_candidates(planes_of(image), redness(image), limit=10)
-    u, v, r = found.circles[0] * 2
-    assert np.hypot(u + 0.5 - 300.0, v + 0.5 - 230.0) < 0.15 * radius_px
-    assert r == pytest.approx(radius_px, rel=0.2)
-
-
-def test_two_touching_discs_are_two_candidates() -> None:
-    image = scene_with_discs([(250.0, 240.0, 36.0), (322.0, 240.0, 36.0)])
-    found = find_candidates(planes_of(image), redness(image), limit=4)
-    centres = found.circles[:, :2] * 2
-    for u in (250.0, 322.0):
-        assert (np.hypot(centres[:, 0] - u, centres[:, 1] - 240.0) < 8.0).any()
-
-
-def test_the_number_of_candidates_is_bounded() -> None:
-    noise = np.random.default_rng(2).integers(0, 256, (480, 640, 3), dtype=np.uint8)
-    skin = np.random.default_rng(3).random((240, 320)).astype(np.float32)
-    assert len(find_candidates(planes_of(noise), skin, limit=25)) <= 25
-
-
-def test_a_traced_disc_gives_its_circle_to_a_quarter_of_a_pixel() -> None:
-    image = scene_with_discs([(300.3, 230.6, 40.0)])
-    planes = planes_of(image)
-    contours = trace(stack_of(planes, redness(image)), np.array([[151.5, 113.0, 18.0]]))
-    circles, _ = fit_circles(contours)
-    u, v = planes.to_stored(circles[0, :2])
-    assert np.hypot(u - 300.3, v - 230.6) < 0.25
-    assert circles[0, 2] * 2 == pytest.approx(40.0, abs=0.5)
-
-
-def test_a_leaf_over_a_third_of_a_disc_does_not_shrink_its_circle() -> None:
-    image = scene_with_discs([(300.0, 230.0, 40.0)])
-    image[:, 316:360] = LEAF
-    planes = planes_of(image)
-    contours = trace(stack_of(planes, redness(image)), np.array([[148.0, 115.0, 19.0]]))
-    circles, _ = fit_circles(contours)
-    assert np.hypot(*(planes.to_stored(circles[0, :2]) - [300.0, 230.0])) < 4.0
-    assert circles[0, 2] * 2 == pytest.approx(40.0, abs=4.0)
-
-
-def test_the_parallel_pair_sees_a_point_in_the_same_row_with_both_eyes() -> None:
-    rig = crooked_rig()
-    pair = parallel_pair(rig, (320, 240))
-    point_m = np.array([[0.08, -0.06, 0.55]])
-    in_pair = pair.rect_from_left @ point_m[0]
-    expected_v = pair.cv + pair.focal_px * in_pair[1] / in_pair[2]
-    expected_u = pair.cu + pair.focal_px * in_pair[0] / in_pair[2]
-    disparity = pair.focal_px * pair.baseline_m / in_pair[2]
-    for pixel, rotation, K, dist, u in (
-        (rig.project_left(point_m)[0], pair.rect_from_left, rig.K_left, rig.dist_left, expected_u),
-        (rig.project_right(point_m)[0], pair.rect_from_right, rig.K_right, rig.dist_right, expected_u - disparity),
-    ):
-        v_map, u_map = np.mgrid[:240, :320].astype(np.float64) * 2.0 + 0.5
-        spot = np.exp(-((u_map - pixel[0]) ** 2 + (v_map - pixel[1]) ** 2) / (2 * 4.0**2)).astype(np.float32)
-        seen = rectified(np.dstack([spot] * 3), pair, rotation, K, dist, np.array([2.0, 2.0]))[..., 0]
-        weights = seen / seen.sum()
-        rows, columns = np.mgrid[:240, :320]
-        assert (weights * columns).sum() == pytest.approx(u, abs=0.05)
-        assert (weights * rows).sum() == pytest.approx(expected_v, abs=0.05)
-
-
-def test_a_disc_is_matched_at_the_disparity_of_its_distance() -> None:
-    pair = parallel_pair(demo_rig(), (320, 240))
-    distance_m, radius_px = 0.6, 40.0
-    shift_px = 457.0 * 0.06 / distance_m
-    left = scene_with_discs([(330.0, 230.0, radius_px)])
-    right = scene_with_discs([(330.0 - shift_px, 230.0, radius_px)])
-    stacks = [stack_of(planes_of(image), redness(image)) for image in (left, right)]
-    circle = np.array([[164.75, 114.75, radius_px / 2]])
-    match = match_discs(stacks[0], stacks[1], circle, pair, (0.035, 0.17), (0.22, 1.3))
-    assert match.disparity_px[0] * 2 == pytest.approx(shift_px, abs=2.5)
-
-
-def test_nested_circles_are_one_fruit_and_neighbours_are_two() -> None:
-    circles = np.array([[100.0, 100.0, 30.0], [104.0, 98.0, 18.0], [162.0, 100.0, 30.0]])
-    assert keep_best_circles(circles, np.array([0.9, 0.8, 0.7])).tolist() == [0, 2]
-
-
-def test_two_depths_of_one_fruit_are_one_fruit() -> None:
-    centres = np.array([[0.0, 0.0, 0.5], [0.0, 0.002, 0.58], [0.09, 0.0, 0.5]])
-    kept = keep_best(centres, np.full(3, 0.04), np.array([0.6, 0.9, 0.5]), np.ones(3))
-    assert kept.tolist() == [1, 2]
-
-
-def test_of_two_fruit_that_would_stand_in_each_other_only_the_better_stays() -> None:
-    centres = np.array([[0.0, 0.0, 0.5], [0.045, 0.0, 0.5]])
-    assert keep_best(centres, np.array([0.04, 0.04]), np.array([0.7, 0.8]), np.ones(2)).tolist() == [1]
-
-
-@pytest.mark.parametrize(("measured_well", "kept"), [(0.9, [0, 1]), (0.1, [0])])
-def test_a_circle_that_cuts_another_stays_only_when_it_is_measured_well(measured_well: float, kept: list[int]) -> None:
-    centres = np.array([[0.0, 0.0, 0.5], [0.06, 0.0, 0.58]])
-    found = keep_best(centres, np.array([0.04, 0.04]), np.array([0.9, 0.5]), np.array([0.9, measured_well]))
-    assert found.tolist() == kept
-
-
-def test_a_network_answers_the_same_in_one_block_or_many() -> None:
-    generator = np.random.default_rng(0)
-    network = Network(
-        np.zeros(3, np.float32),
-        np.ones(3, np.float32),
-        (generator.normal(size=(3, 4)).astype(np.float32), generator.normal(size=(4, 1)).astype(np.float32)),
-        (np.ones(4, np.float32), np.zeros(1, np.float32)),
+def test_samples_beyond_the_picture_are_marked() -> None:
+    rig = small_rig(False)
+    pair = parallel_pair(rig)
+    images = photograph([], rig)
+    places, _ = sample_places(
+        np.array([[-0.30, 0.0, 0.45]]), np.array([0.05]), np.zeros((1, 2)), np.array([0.4]), rig, pair
     )
-    rows = generator.normal(size=(2 * BLOCK + 7, 3)).astype(np.float32)
-    whole = network.logits(rows)
-    by_hand = np.maximum(rows.clip(-6, 6) @ network.weights[0] + 1, 0) @ network.weights[1]
-    assert np.abs(whole - by_hand).max() < 1e-4
-    again = network_from(network.arrays("x"), "x")
-    assert np.array_equal(again.logits(rows), whole)
+    planes = unrolled(images, places)[0]
+    beyond = (places[0, :, :, :, 0] < 0) | (places[0, :, :, :, 0] > 319)
+    assert beyond.any()
+    assert np.array_equal(planes[6:] == 0.0, beyond)
 
 
-def test_the_shipped_weights_are_finite_and_small() -> None:
-    weights = load_weights()
-    for network in (weights.skin, weights.first, weights.final, weights.mono, weights.ripeness):
-        for array in network.arrays("n").values():
-            assert np.isfinite(array).all()
-            assert array.size < 20_000
+def test_the_traced_outline_leads_a_wrong_guess_to_the_fruit(models: Models, twin_scenes: list[Scene]) -> None:
+    before, after = [], []
+    for scene in twin_scenes:
+        pair = parallel_pair(scene.rig)
+        for tomato in (t for t in scene.tomatoes if t.visible_fraction > 0.85):
+            true = pair.rect_from_left @ tomato.centre_m
+            guess = 1.02 * true + np.array([0.03, -0.03, 0.0]) * tomato.diameter_m
+            traced = trace(
+                guess[None], np.array([0.52 * tomato.diameter_m]), np.zeros((1, 2)), NARROW,
+                (scene.left, scene.right), scene.rig, pair, models.outline,
+            )  # fmt: skip
+            before.append(np.linalg.norm(guess - true))
+            after.append(np.linalg.norm(traced.fit.centre_m[0] - true))
+    assert len(after) >= 5
+    assert np.median(after) < 0.35 * np.median(before)
 
 
-@pytest.mark.parametrize(
-    ("change", "message"),
-    [
-        ({"minimum_confidence": 1.5}, "minimum_confidence: expected 0 to 1, found 1.5"),
-        ({"diameter_range_m": (0.2, 0.1)}, "diameter_range_m: expected 0 < low < high"),
-        ({"distance_range_m": (0.2, 900.0)}, "distance_range_m: expected 0 < low < high"),
-        ({"candidates": 0}, "candidates: expected 1 to 400, found 0"),
-        ({"refined": 4000}, "refined: expected 1 to 400, found 4000"),
-    ],
-)
-def test_impossible_parameters_are_refused_by_name(change: dict[str, object], message: str) -> None:
-    with pytest.raises(ValueError, match=message):
-        FruitParameters(**change)  # type: ignore[arg-type]
+def test_guesses_on_fruit_get_the_better_verdict(models: Models, twin_scenes: list[Scene]) -> None:
+    right, wrong = [], []
+    for scene in twin_scenes:
+        pair = parallel_pair(scene.rig)
+        for tomato in (t for t in scene.tomatoes if t.visible_fraction > 0.85):
+            true = pair.rect_from_left @ tomato.centre_m
+            guesses = np.stack([true, 0.7 * true, 1.4 * true])
+            radii = 0.5 * tomato.diameter_m * np.array([1.0, 0.7, 1.4])
+            traced = trace(
+                guesses, radii, np.zeros((3, 2)), 0.42, (scene.left, scene.right), scene.rig, pair, models.outline
+            )
+            right.append(traced.verdict[0, 0])
+            wrong += traced.verdict[1:, 0].tolist()
+    assert np.mean(np.array(right) > 0) > 0.9
+    assert np.mean(np.array(wrong) < 0) > 0.9
+
+
+def test_the_evidence_of_the_same_pictures_is_the_same(models: Models, twin_scenes: list[Scene]) -> None:
+    scene = twin_scenes[0]
+    one, two = (look((scene.left, scene.right), scene.rig, models, FruitParameters()) for _ in range(2))
+    assert one is not None
+    assert two is not None
+    assert np.array_equal(one.evidence, two.evidence)
+    assert np.isfinite(one.evidence).all()
+    assert truth_of(one, scene)[0][:, 0].any()
+
+
+def test_both_views_propose_the_fruit_that_show(models: Models, twin_scenes: list[Scene]) -> None:
+    found = wanted = 0
+    for scene in twin_scenes:
+        for side, proposals in zip(
+            ("left", "right"), propose(prepare(scene.left, scene.right), models.proposer, 0.1, 48), strict=True
+        ):
+            for sight in (getattr(t, side) for t in scene.tomatoes if t.visible_fraction > 0.7):
+                apart = np.hypot(proposals.boxes[:, 0] - sight.outline.u_px, proposals.boxes[:, 1] - sight.outline.v_px)
+                wanted += 1
+                found += bool((apart < 0.4 * sight.outline.r_px).any())
+    assert wanted >= 12
+    assert found >= 0.9 * wanted
+
+
+# --- one report a fruit -----------------------------------------------------------------------------------------
+
+
+def test_of_nested_and_overlapping_guesses_the_best_stays() -> None:
+    centres = np.array([[0.0, 0.0, 0.5], [0.005, 0.0, 0.6], [0.02, 0.0, 0.5], [0.2, 0.0, 0.5]])
+    kept = keep_best(centres, np.full(4, 0.04), np.array([0.9, 0.8, 0.7, 0.6]), np.ones(4))
+    assert kept.tolist() == [0, 3]
+
+
+def test_the_band_goes_once_round() -> None:
+    assert TURN_RAD[0] == 0.0
+    assert np.diff(TURN_RAD) == pytest.approx(np.full(ANGLES - 1, 2 * np.pi / ANGLES))

@@ -5,6 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from robot.vision.fruit.look import look
+from robot.vision.fruit.models import load_models
+from robot.vision.fruit.parameters import FruitParameters
+from robot.vision.fruit.uncertainty import spread_of
 from robot.vision.make import DetectorName, make_detector
 from tests.robot.vision.greenhouse_views import demo_rig, views
 
@@ -38,8 +42,12 @@ def test_what_is_called_measured_is_measured(looks: list[tuple[bool, float, floa
     assert np.percentile(errors, 90) < 0.08
 
 
-def test_an_estimate_says_how_wide_it_is(looks: list[tuple[bool, float, float, float]]) -> None:
-    measured = [sigma for is_measured, sigma, _, _ in looks if is_measured]
-    estimated = [sigma for is_measured, sigma, _, _ in looks if not is_measured]
-    assert len(estimated) >= 3
-    assert np.median(estimated) > 3.0 * np.median(measured)
+def test_an_estimate_says_how_wide_it_is() -> None:
+    view = views(demo_rig(), seed=3, hour=12.0, at_x_m=(1.0,))[0]
+    looked = look((view.left, view.right), view.rig, load_models(), FruitParameters())
+    assert looked is not None
+    count = len(looked.evidence)
+    measured, estimated = (spread_of(looked.second, np.full(count, well), looked.pair) for well in (0.98, 0.1))
+    assert np.median(estimated.diameter_m / measured.diameter_m) > 3.0
+    volumes = [np.sqrt(np.linalg.det(spread.centre_m2)) for spread in (measured, estimated)]
+    assert np.median(volumes[1] / volumes[0]) > 3.0
