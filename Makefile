@@ -20,6 +20,7 @@ help:
 	@echo "make check      format, lint, types, architecture"
 	@echo "make bench      speed and memory, measured"
 	@echo "make bench-vision  how well and how fast both detectors and two rivals see: a page in out/bench-vision"
+	@echo "make train       the detector's networks anew (DATA=folder of greenhouse and tomato_photos; about an hour and a half)"
 
 $(VENV)/.installed: pyproject.toml
 	$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11) and "sprayer needs Python 3.11 or newer")'
@@ -53,6 +54,7 @@ bench: $(VENV)/.installed-dev
 
 bench-vision: $(VENV)/.installed-dev
 	$(BIN)/python -m tests.bench.vision --out out/bench-vision
+
 $(VENV)/.installed-train: $(VENV)/.installed-dev
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[train]'
 	touch $@
