@@ -15,6 +15,7 @@ from drivers.camera.epipolar import Misalignment, Rectifier, StereoCalibration, 
 from drivers.camera.frame_checks import Grey, PictureFault, ViewMeasures
 from drivers.camera.values import StereoFrame
 from drivers.camera.view_matching import Matches, match
+from drivers.errors import DeviceFault
 
 Array = npt.NDArray[np.float64]
 
@@ -44,6 +45,14 @@ class Finding:
     @property
     def remedy(self) -> str:
         return REMEDIES[self.fault]
+
+
+class BadPicture(DeviceFault):
+    """A fault that stays in the pictures; ``frame`` is the last of them."""
+
+    def __init__(self, finding: Finding, frame: StereoFrame) -> None:
+        super().__init__("camera", finding.expected, finding.found, finding.remedy)
+        self.fault, self.frame = finding.fault, frame
 
 
 class FrameWatch:

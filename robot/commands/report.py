@@ -15,7 +15,7 @@ from robot.atomic_file import atomic_file
 from robot.config import load_config
 from robot.errors import FileError
 from robot.ledger import LedgerReader
-from robot.report import Evidence, Judgement, judge, ledger_rows, read_evidence, render, score_rows
+from robot.report import Evidence, Judgement, judge, ledger_rows, light_rows, read_evidence, render, score_rows
 from robot.runtime.settings import dose_law
 
 
@@ -60,7 +60,8 @@ def write_report(
 def result_table(evidence: Evidence, judgement: Judgement | None) -> Table:
     """The result for the terminal."""
     table = Table(title="Result", show_header=False)
-    for label, value in ledger_rows(evidence) if judgement is None else score_rows(judgement.score):
+    rows = ledger_rows(evidence) if judgement is None else score_rows(judgement.score)
+    for label, value in (*rows, *light_rows(evidence)):
         table.add_row(Text(label if label[0].isupper() else f"  {label}"), Text(value))
     return table
 

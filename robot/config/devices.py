@@ -18,13 +18,29 @@ Parity = Literal["N", "E", "O"]
 
 
 class _Camera(Section):
+    """``exposure`` "auto": metered on the plants at every stop, within the bounds; it begins with ``exposure_s`` and
+    ``gain``. "fixed": those two, always.
+
+    ``mains_hz``: longer exposures are whole half periods of it; None: the camera's ``power_line_hz``, else 50.
+    ``lamp`` "auto": lit when a good picture would need more than ``lamp_beyond_s`` of exposure (times gain) without it.
+    Plants below ``dark_level`` (linear, 1 is white) with nothing more to be had are too dark to trust: that stop is
+    skipped, or the mission stops, as ``when_dark`` says.
+    """
+
     calibration: str
     image_size_px: tuple[Pixels, Pixels] = (640, 480)
     exposure_s: Annotated[float, between(1e-5, 0.2)]
     gain: Annotated[float, between(1.0, 32.0)] = 1.0
     rate_hz: Annotated[float, between(0.1, 120.0)] = 15.0
     white_balance_k: Annotated[int, Field(ge=2000, le=10_000)] | None = None
-    lamp: Literal["off", "on"] = "off"
+    exposure: Literal["auto", "fixed"] = "auto"
+    max_exposure_s: Annotated[float, between(1e-4, 0.2)] = 0.02
+    max_gain: Annotated[float, between(1.0, 32.0)] = 8.0
+    mains_hz: Literal[0, 50, 60] | None = None
+    lamp: Literal["off", "on", "auto"] = "off"
+    lamp_beyond_s: Annotated[float, between(1e-3, 10.0)] = 0.02
+    dark_level: Annotated[float, between(1e-3, 0.06)] = 0.02
+    when_dark: Literal["skip", "stop"] = "skip"
 
 
 class MockCameraSection(_Camera):

@@ -9,7 +9,7 @@ from pathlib import Path
 from urllib.parse import quote
 
 from robot.errors import FileError
-from robot.ledger.schema import APPLICATION_ID, SCHEMA, SCHEMA_VERSION
+from robot.ledger.schema import APPLICATION_ID, MIGRATIONS, SCHEMA, SCHEMA_VERSION
 
 _BUSY_MS = 5000
 
@@ -98,10 +98,19 @@ def _set_up(connection: sqlite3.Connection, path: Path) -> None:
         raise FileError(f"{path}: this file system cannot hold a write-ahead log (mode {mode}); use a local disk")
     connection.execute("PRAGMA synchronous = FULL")
     connection.execute("PRAGMA foreign_keys = ON")
-    if _pragma(connection, "user_version") == 0:
+    version = _pragma(connection, "user_version")
+    new = SCHEMA if version == 0 else ""
+    steps = "".join(MIGRATIONS[before] for before in range(max(version, 1), SCHEMA_VERSION))
+    if new or steps:
         connection.executescript(
-            f"BEGIN; PRAGMA application_id = {APPLICATION_ID}; {SCHEMA} PRAGMA user_version = {SCHEMA_VERSION}; COMMIT;"
+            f"BEGIN IMMEDIATE; PRAGMA application_id = {APPLICATION_ID}; {new} {steps} "
+            f"PRAGMA user_version = {SCHEMA_VERSION}; COMMIT;"
         )
+
+
+def schema_version(connection: sqlite3.Connection) -> int:
+    """Of an open ledger; an older file that is only read keeps its own."""
+    return _pragma(connection, "user_version")
 
 
 def _pragma(connection: sqlite3.Connection, name: str) -> int:

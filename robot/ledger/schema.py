@@ -1,9 +1,13 @@
-"""The ledger's tables. STRICT, with checks, so that no program can book nonsense."""
+"""The ledger's tables. STRICT, with checks, so that no program can book nonsense.
+
+``SCHEMA`` is version 1; ``MIGRATIONS`` lead from each version to the next, in new files as in old ones.
+"""
 
 from __future__ import annotations
 
 APPLICATION_ID = 0x53505259  # "SPRY"
-SCHEMA_VERSION = 1
+SCHEMA_VERSION = 2
+LIGHT_SINCE = 2  # stops tell in what light they were looked at
 
 _FINITE = "BETWEEN -1e9 AND 1e9"
 _AMOUNT = "BETWEEN 0 AND 1e6"
@@ -131,3 +135,16 @@ CREATE TRIGGER intent_stays BEFORE DELETE ON intent BEGIN SELECT RAISE(ABORT, 'a
 CREATE TRIGGER result_is_final BEFORE UPDATE ON result BEGIN SELECT RAISE(ABORT, 'a result is final'); END;
 CREATE TRIGGER result_stays BEFORE DELETE ON result BEGIN SELECT RAISE(ABORT, 'a result stays'); END;
 """
+
+MIGRATIONS = {
+    1: f"""
+ALTER TABLE stop ADD COLUMN light_state TEXT CHECK (light_state IN ('good', 'dim', 'dark', 'bright'));
+ALTER TABLE stop ADD COLUMN plant_level REAL CHECK (plant_level BETWEEN 0 AND 1);
+ALTER TABLE stop ADD COLUMN burnt_share REAL CHECK (burnt_share BETWEEN 0 AND 1);
+ALTER TABLE stop ADD COLUMN illumination_1_s REAL CHECK (illumination_1_s {_AMOUNT});
+ALTER TABLE stop ADD COLUMN exposure_s REAL CHECK (exposure_s > 0 AND exposure_s <= 3600);
+ALTER TABLE stop ADD COLUMN gain REAL CHECK (gain >= 1 AND gain <= 1e6);
+ALTER TABLE stop ADD COLUMN lamp INTEGER CHECK (lamp IN (0, 1));
+ALTER TABLE stop ADD COLUMN light_remark TEXT;
+""",
+}

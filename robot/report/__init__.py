@@ -3,6 +3,9 @@
 from robot.report.evidence import Evidence, read_evidence
 from robot.report.page import render
 from robot.report.score import Judgement, Score, judge
-from robot.report.table import ledger_rows, score_rows
+from robot.report.table import ledger_rows, light_rows, light_words, score_rows
 
-__all__ = ["Evidence", "Judgement", "Score", "judge", "ledger_rows", "read_evidence", "render", "score_rows"]
+__all__ = [
+    "Evidence", "Judgement", "Score", "judge", "ledger_rows", "light_rows", "light_words",
+    "read_evidence", "render", "score_rows",
+]
