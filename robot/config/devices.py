@@ -23,8 +23,8 @@ class _Camera(Section):
 
     ``mains_hz``: longer exposures are whole half periods of it; None: the camera's ``power_line_hz``, else 50.
     ``lamp`` "auto": lit when a good picture would need more than ``lamp_beyond_s`` of exposure (times gain) without it.
-    Plants below ``dark_level`` (linear, 1 is white) with nothing more to be had are too dark to trust: that stop is
-    skipped, or the mission stops, as ``when_dark`` says.
+    Plants below ``dark_signal`` (linear, 1 is white at a gain of 1) with no more light to be had are too dark to trust:
+    that stop is skipped, or the mission stops, as ``when_dark`` says.
     """
 
     calibration: str
@@ -39,7 +39,7 @@ class _Camera(Section):
     mains_hz: Literal[0, 50, 60] | None = None
     lamp: Literal["off", "on", "auto"] = "off"
     lamp_beyond_s: Annotated[float, between(1e-3, 10.0)] = 0.02
-    dark_level: Annotated[float, between(1e-3, 0.06)] = 0.02
+    dark_signal: Annotated[float, between(1e-5, 0.06)] = 0.0015
     when_dark: Literal["skip", "stop"] = "skip"
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import math
 from dataclasses import dataclass
 
 from drivers.camera.frame_checks import PictureFault
@@ -13,11 +14,12 @@ from robot.actuation import Refused
 from robot.clock import work
 from robot.ledger import StopLight
 from robot.mission.context import MissionContext
-from robot.mission.events import LightSeen, Trouble
+from robot.mission.events import LightSeen
 from robot.vision import light
 from robot.vision.light import LampMemory, LightState, Reading, Setting
 
 MOST_TRIES = 6        # from the shortest exposure to the greatest gain takes five
+HALVINGS = 4          # of a step that the camera cannot make
 METER_S = 0.02        # modelled
 LAMP_SETTLE_S = 0.2
 _LEAST_ADDED = 1.02   # a lamp that gives less is told
@@ -102,27 +104,34 @@ async def _expose(context: MissionContext, seen: Look) -> Look:
     settings = context.settings.light
     for _ in range(MOST_TRIES):
         wanted = light.next_setting(seen.reading, seen.setting, settings.bounds, settings.goals)
-        if wanted == seen.setting or not settings.adjusts or not await _set(context, wanted):
+        if wanted == seen.setting or not settings.adjusts or not await _set(context, seen.setting, wanted):
             break
         seen = await _metered(context)
     return seen
 
 
-async def _set(context: MissionContext, wanted: Setting) -> bool:
-    """Whether the camera took it. One that refuses is not asked again; one whose bounds are narrower is told of."""
-    progress = context.progress
+async def _set(context: MissionContext, present: Setting, wanted: Setting) -> bool:
+    """Whether the camera took it, or went some of the way where its own bounds are narrower than those configured.
+
+    One that refuses is not asked again in this mission.
+    """
+    progress, bounds = context.progress, context.settings.light.bounds
     if progress.exposure_refused:
         return False
-    try:
-        await context.camera.set_exposure(wanted.exposure_s, wanted.gain)
-    except DeviceRefused as refused:
-        progress.exposure_refused = f"the exposure is fixed: {refused.found}"
-        await context.record("light", str(refused))
-        return False
-    except ValueError as error:
-        context.publish(Trouble(f"camera: {error} (camera.max_exposure_s, camera.max_gain)", context.now_s()))
-        return False
-    return True
+    for _ in range(HALVINGS):
+        if wanted == present:
+            return False
+        try:
+            await context.camera.set_exposure(wanted.exposure_s, wanted.gain)
+        except DeviceRefused as refused:
+            progress.exposure_refused = f"the exposure is fixed: expected {refused.expected}"
+            await context.record("light", str(refused))
+            return False
+        except ValueError:
+            wanted = light.split(math.sqrt(present.product_s * wanted.product_s), bounds)
+            continue
+        return True
+    return False
 
 
 async def _light_lamp(context: MissionContext, seen: Look) -> tuple[Look, str]:

@@ -177,7 +177,7 @@ def light_settings(config: Config) -> LightSettings:
     if mains_hz is None:
         mains_hz = camera.power_line_hz if isinstance(camera, StereoUsbCameraSection) else 50
     return LightSettings(
-        goals=LightGoals(dark_level=camera.dark_level),
+        goals=LightGoals(dark_signal=camera.dark_signal),
         bounds=ExposureBounds(longest_s=camera.max_exposure_s, greatest_gain=camera.max_gain, mains_hz=mains_hz),
         adjusts=camera.exposure == "auto",
         lamp=LampPolicy(camera.lamp),

@@ -10,7 +10,7 @@ def judge(reading: Reading, goals: LightGoals) -> LightState:
     """The state of a picture that is the best to be had."""
     if reading.burnt_share > goals.bright_share:
         return LightState.BRIGHT
-    if reading.level < goals.dark_level:
+    if reading.level < goals.dark_level or reading.signal < goals.dark_signal:
         return LightState.DARK
     if reading.level * goals.dead_band < goals.level:
         return LightState.DIM

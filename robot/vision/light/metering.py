@@ -29,14 +29,16 @@ _LINEAR = np.where(_CODES <= 0.04045, _CODES / 12.92, ((_CODES + 0.055) / 1.055)
 class Reading:
     """What a pair tells of the light on the plants; levels are linear, 0..1 of full scale, of the brightest channel.
 
-    ``level``, ``highlight``: mean and 98th percentile of the plants. ``plant_share``: of both views. ``burnt_share``
-    and ``dark_share``: of the plants, at full scale, or below a tenth of their mean. ``illumination_1_s``: level over
-    exposure (s) and gain, the same whatever the camera is set to. ``backlight``: what is behind the plants is much
-    brighter than they are. ``glare``: stray light in the lens lifts even what is black. ``plants_seen`` False: there
-    are none to be seen, and the figures are those of the whole picture.
+    ``level``, ``highlight``: mean and 98th percentile of the plants. ``signal``: their level at a gain of 1, which the
+    sensor's noise is measured by. ``plant_share``: of both views. ``burnt_share``, ``dark_share``: of the plants, at
+    full scale, and below a tenth of their mean. ``illumination_1_s``: level over exposure (s) and gain, the same
+    whatever the camera is set to. ``backlight``: what is behind the plants is much brighter than they are. ``glare``:
+    stray light in the lens lifts even what is black. ``plants_seen`` False: there are none to be seen, and the figures
+    are those of the whole picture.
     """
 
     level: float
+    signal: float
     highlight: float
     plant_share: float
     burnt_share: float
@@ -69,6 +71,7 @@ def meter(left: Image, right: Image, exposure_s: float, gain: float) -> Reading:
     behind = float(np.average(brightest, weights=pale)) if float(pale.sum()) > 0.0 else 0.0
     return Reading(
         level=level,
+        signal=level / gain,
         highlight=_quantile(brightest, weights, _HIGHLIGHT_QUANTILE),
         plant_share=share,
         burnt_share=float(np.average(brightest >= _BURNT, weights=weights)),

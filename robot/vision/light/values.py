@@ -19,22 +19,25 @@ class LightState(StrEnum):
 class LightGoals:
     """``level`` is the mean that plants shall have, ``highlight`` the most that their brightest 2 % may.
 
-    A picture within a factor of ``dead_band`` of the goal is left as it is. Plants below ``dark_level`` are DARK;
+    A picture within a factor of ``dead_band`` of the goal is left as it is. Plants are DARK below ``dark_signal``,
+    their level at a gain of 1 (gain lifts the noise with them), and below ``dark_level`` (too few codes are left);
     with more than ``bright_share`` of them burnt out they are BRIGHT.
     """
 
     level: float = 0.10
     highlight: float = 0.90
     dead_band: float = 1.5
-    dark_level: float = 0.02
+    dark_signal: float = 0.0015
+    dark_level: float = 0.005
     bright_share: float = 0.5
 
     def __post_init__(self) -> None:
         good = self.level / self.dead_band
-        if not 0.0 < self.dark_level < good:
-            raise ValueError(
-                f"dark_level: expected above 0 and below {good:.3g} (the goal less its dead band), found "
-                f"{self.dark_level:g}; lower it"
-            )
+        for name, value in (("dark_signal", self.dark_signal), ("dark_level", self.dark_level)):
+            if not 0.0 < value < good:
+                raise ValueError(
+                    f"{name}: expected above 0 and below {good:.3g} (the goal less its dead band), found {value:g}; "
+                    "correct it"
+                )
         if not (self.level < self.highlight < 1.0 and self.dead_band > 1.0 and 0.0 < self.bright_share <= 1.0):
             raise ValueError("need level < highlight < 1, dead_band > 1 and bright_share in 0..1")
