@@ -43,10 +43,10 @@ class WatchedCamera:
         while True:
             frame = await self.camera.capture()
             finding = self.watch.look(frame)
-            if finding is None and not self.watch.repeats:
+            if finding is None and not (self.watch.repeats or self.watch.undecided):
                 return frame
             if finding is None:
-                continue  # the next pair tells whether it is frozen
+                continue  # the next pairs tell whether it is frozen, or the lenses have moved
             since_s = self._clock() if since_s is None else since_s
             if finding.fault in SURE_AT_ONCE or self._clock() - since_s >= PERSISTS_S:
                 raise BadPicture(finding, frame)

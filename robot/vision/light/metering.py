@@ -19,7 +19,8 @@ _BURNT = 0.96           # of full scale
 _LEAST_SHARE = 0.02     # with fewer plants than that, the whole view is metered
 _HIGHLIGHT_QUANTILE = 0.98
 _BACKLIGHT_RATIO = 8.0
-_VEIL_QUANTILE, _VEIL_SHARE = 0.01, 0.6
+_VEIL_SHARE = 0.5       # of the median; the darkest percent has at most 0.44 of it in clear greenhouse pictures
+_FLAT = 1.5             # brightest over darkest percent of a picture that shows nothing but a wall
 
 _CODES = np.arange(256) / 255.0
 _LINEAR = np.where(_CODES <= 0.04045, _CODES / 12.92, ((_CODES + 0.055) / 1.055) ** 2.4).astype(np.float32)
@@ -78,7 +79,7 @@ def meter(left: Image, right: Image, exposure_s: float, gain: float) -> Reading:
         dark_share=float(np.average(brightest < 0.1 * level, weights=weights)),
         illumination_1_s=level / (exposure_s * gain),
         backlight=seen and float(pale.mean()) > 0.1 and behind > _BACKLIGHT_RATIO * level,
-        glare=seen and float(np.quantile(brightest, _VEIL_QUANTILE)) > _VEIL_SHARE * level,
+        glare=_veiled(brightest),
         plants_seen=seen,
     )
 
@@ -104,6 +105,11 @@ def _plantness(view: Floats) -> Floats:
     start, sure = _YELLOWER
     above = (yellow - np.quantile(yellow, _PALE_QUANTILE) - start) / (sure - start)
     return np.asarray(np.clip(above, 0.0, 1.0), dtype=np.float32)
+
+
+def _veiled(brightest: Floats) -> bool:
+    low, middle, high = np.quantile(brightest, (0.01, 0.5, 0.99))
+    return bool(low > _VEIL_SHARE * middle and high > _FLAT * low)
 
 
 def _quantile(values: Floats, weights: Floats, share: float) -> float:
