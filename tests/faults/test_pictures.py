@@ -100,7 +100,7 @@ def test_a_cap_is_told_from_dusk_once_the_exposure_can_do_no_more(tmp_path):
 
 def test_frozen_pictures_stop_the_mission(undisturbed, tmp_path):
     """F51: the picture that freezes is a true one; the second and third tell that time stands still."""
-    begin_s, end_s = undisturbed.spans(State.DETECT)[0]
+    begin_s, _ = undisturbed.spans(State.DETECT)[0]
     run = spray_row(tmp_path, faults=(f"camera:stuck@{begin_s - 0.01:.4f}s",), **SHORT)
     assert run.result.mode is Mode.SAFE_STOP
     assert "identical ones in a row" in run.said

@@ -10,6 +10,7 @@ import sqlite3
 import subprocess
 import sys
 import threading
+from dataclasses import replace
 from datetime import timedelta
 from pathlib import Path
 
@@ -18,7 +19,8 @@ import pytest
 from robot.errors import BusyError, FileError
 from robot.ledger import Ledger, LedgerReader, Outcome, wall_clock
 from robot.ledger.database import readable_errors
-from tests.robot.ledger.rows import INTENT, NOON, SPRAYED, intent, started
+from robot.ledger.schema import APPLICATION_ID, SCHEMA, SCHEMA_VERSION
+from tests.robot.ledger.rows import INTENT, LIGHT, NOON, SPRAYED, STOP, TASK, intent, started
 
 REPOSITORY = Path(__file__).parents[3]
 
@@ -174,8 +176,54 @@ def test_a_ledger_of_a_newer_program_is_refused(tmp_path: Path) -> None:
         raw.execute("PRAGMA user_version = 99")
     raw.close()
     for door in (Ledger.open, LedgerReader.open_read_only):
-        with pytest.raises(FileError, match=r"schema 99, this one knows 1\); update the program"):
+        with pytest.raises(FileError, match=rf"schema 99, this one knows {SCHEMA_VERSION}\); update the program"):
             door(ledger.path)
+
+
+def former_ledger(path: Path) -> None:
+    """A ledger of schema 1, which knew nothing of the light, with one stop in it."""
+    with sqlite3.connect(path) as raw:
+        raw.executescript(f"PRAGMA application_id = {APPLICATION_ID}; {SCHEMA} PRAGMA user_version = 1;")
+        raw.execute("INSERT INTO run VALUES (1, 'boot-0', '2026-05-01T12:00:00.000+00:00')")
+        raw.execute(
+            "INSERT INTO task VALUES (1, 1, '2026-05-01T12:00:00.000+00:00', 'Water', '-', 0, 'Ada', 5000, 8000, 1,"
+            " 'demo', '0123456789abcdef', 7)"
+        )
+        raw.execute(
+            "INSERT INTO stop VALUES (1, 1, 1, '2026-05-01T12:00:00.000+00:00', 'A', 2, 1.0, 0.998, 0.002, 0.001, 11.0,"
+            " 'stop_002.jpg', 101.5, 4)"
+        )
+    raw.close()
+
+
+def test_a_ledger_of_an_older_program_is_read_as_it_is(tmp_path: Path) -> None:
+    former_ledger(path := tmp_path / "run.ledger")
+    before = path.read_bytes()
+    with LedgerReader.open_read_only(path) as reader:
+        assert [row.record for row in reader.stops(1)] == [STOP]
+        assert reader.task(1) == TASK
+    assert path.read_bytes() == before
+
+
+def test_a_ledger_of_an_older_program_is_brought_up_to_date_and_keeps_all_that_it_holds(tmp_path: Path) -> None:
+    former_ledger(path := tmp_path / "run.ledger")
+    lit = replace(STOP, stop=3, light=LIGHT)
+    for _ in range(2):  # the second time there is nothing to do
+        with Ledger.open(path, utc=lambda: NOON) as ledger:
+            ledger.begin_run("boot-1", NOON)
+            ledger.record_stop(1, lit)
+            records = [row.record for row in ledger.stops(1)]
+    assert records == [STOP, lit, lit]
+    fresh = sqlite3.connect(":memory:")
+    with Ledger.open(tmp_path / "new.ledger") as ledger, sqlite3.connect(ledger.path) as new:
+        new.backup(fresh)
+    new.close()
+    with sqlite3.connect(path) as old:
+        tables = "SELECT name, sql FROM sqlite_schema WHERE name NOT LIKE 'sqlite%' ORDER BY name"
+        assert old.execute(tables).fetchall() == fresh.execute(tables).fetchall()
+        assert old.execute("PRAGMA user_version").fetchone() == (SCHEMA_VERSION,)
+    old.close()
+    fresh.close()
 
 
 def test_a_file_that_is_no_database_is_refused_and_kept(tmp_path: Path) -> None:

@@ -164,7 +164,7 @@ def test_a_lamp_that_somebody_switched_off_is_lit_again(tmp_path):
 def nothing_for_the_dark_stop(run: Run, stop: int) -> None:
     light = next(item.record.light for item in run.evidence.stops if item.record.stop == stop)
     assert light.state is LightState.DARK
-    looked_s, left_s = run.spans(State.DETECT)[stop - 1]
+    looked_s, _ = run.spans(State.DETECT)[stop - 1]
     assert not [start for start, _ in openings(last_process(run)) if start > looked_s]
     assert stop not in {shot.intent.stop for shot in run.shots}
     assert any(f"stop {stop}: too dark to trust: plants at" in event.text for event in run.events)

@@ -102,7 +102,9 @@ def test_bounds_that_cannot_be_are_refused(words, changes):
         ExposureBounds(**changes)
 
 
-@pytest.mark.parametrize("changes", [{"dark_signal": 0.0}, {"dark_level": 0.09}, {"dead_band": 1.0}, {"highlight": 0.05}])
+@pytest.mark.parametrize(
+    "changes", [{"dark_signal": 0.0}, {"dark_level": 0.09}, {"dead_band": 1.0}, {"highlight": 0.05}]
+)
 def test_goals_that_cannot_be_are_refused(changes):
     with pytest.raises(ValueError):
         LightGoals(**changes)

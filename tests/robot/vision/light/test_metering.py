@@ -116,7 +116,9 @@ def test_a_drifting_white_balance_does_not_change_the_judgement(renderer, hour):
         assert drifted.plant_share == pytest.approx(plain.plant_share, abs=0.12)
 
 
-@pytest.mark.skipif(not GREENHOUSE.exists(), reason="no greenhouse set: put it beside the project or set SPRAYER_SHARED")
+@pytest.mark.skipif(
+    not GREENHOUSE.exists(), reason="no greenhouse set: put it beside the project or set SPRAYER_SHARED"
+)
 def test_white_balance_on_pictures_that_were_not_rendered_here():
     ratios = []
     for number in (0, 9, 18, 27, 39, 48, 54, 60, 66):
@@ -126,14 +128,14 @@ def test_white_balance_on_pictures_that_were_not_rendered_here():
         for factors in ((0.8, 1.0, 1.25), (1.25, 1.0, 0.8), (1.0, 0.8, 1.25), (0.8, 1.25, 1.0)):
             drifted = meter(*(encoded(linear(view) * factors) for view in pair), 0.004, 1.0)
             ratios.append(drifted.level / plain.level)
-    assert 0.78 < min(ratios)
+    assert min(ratios) > 0.78
     assert max(ratios) < 1.3
 
 
 def test_without_plants_the_whole_picture_is_metered():
     wall = np.full((120, 160, 3), (140, 138, 136), np.uint8)
     reading = meter(wall, wall, 0.004, 1.0)
-    assert not (reading.plants_seen or reading.glare or reading.backlight)
+    assert (reading.plants_seen, reading.glare, reading.backlight) == (False, False, False)
     assert reading.plant_share == 0.0
     assert reading.level == pytest.approx(float(linear(np.array(140.0))), rel=1e-3)
 
@@ -155,7 +157,7 @@ def test_backlight_and_glare_are_told(renderer):
         pale = (cv2.cvtColor(view, cv2.COLOR_BGR2HSV)[..., 1] < 60)[..., None]
         against.append(encoded(linear(view) * np.where(pale, 2.0, 0.2)))
         veiled.append(encoded(0.8 * linear(view) + 0.16))
-    assert not (plain.backlight or plain.glare)
+    assert (plain.backlight, plain.glare) == (False, False)
     assert meter(*against, 0.004, 1.0).backlight
     assert meter(*veiled, 0.004, 1.0).glare
 
@@ -169,7 +171,7 @@ def test_a_finer_picture_reads_the_same(renderer):
 @pytest.mark.parametrize(
     ("left", "exposure_s", "gain", "words"),
     [
-        (np.zeros((48, 64), np.uint8), 0.004, 1.0, r"left: expected \(height, width, 3\) BGR of uint8, found \(48, 64\)"),
+        (np.zeros((48, 64), np.uint8), 0.004, 1.0, r"left: expected \(height, width, 3\) BGR .* found \(48, 64\)"),
         (np.zeros((48, 64, 3), np.float32), 0.004, 1.0, "of float32"),
         (np.zeros((0, 64, 3), np.uint8), 0.004, 1.0, "found"),
         (np.zeros((48, 64, 3), np.uint8), 0.0, 1.0, "expected seconds and gain above 0, found 0 s and 1"),
