@@ -1,6 +1,6 @@
 """The light: how bright plants and fruit are, how to expose for them, when to light the lamp, when not to trust."""
 
-from robot.vision.light.exposure import ExposureBounds, Setting, is_longest, is_shortest, next_setting, split
+from robot.vision.light.exposure import ExposureBounds, Setting, next_setting, split
 from robot.vision.light.judgement import judge, trusted
 from robot.vision.light.lamp import LampMemory, LampPolicy, after_switch, lamp_wanted
 from robot.vision.light.metering import Reading, meter
@@ -15,8 +15,6 @@ __all__ = [
     "Reading",
     "Setting",
     "after_switch",
-    "is_longest",
-    "is_shortest",
     "judge",
     "lamp_wanted",
     "meter",

@@ -63,16 +63,6 @@ def split(product_s: float, bounds: ExposureBounds) -> Setting:
     return Setting(exposure_s, min(max(product_s / exposure_s, 1.0), bounds.greatest_gain))
 
 
-def is_longest(setting: Setting, bounds: ExposureBounds) -> bool:
-    """Whether no brighter picture is to be had."""
-    return setting.product_s * _SAME >= split(math.inf, bounds).product_s
-
-
-def is_shortest(setting: Setting, bounds: ExposureBounds) -> bool:
-    """Whether no darker picture is to be had."""
-    return setting.product_s <= _SAME * bounds.shortest_s
-
-
 def next_setting(reading: Reading, present: Setting, bounds: ExposureBounds, goals: LightGoals) -> Setting:
     """What to set after a picture with ``present`` gave ``reading``; ``present`` itself when it is good, or the best.
 
