@@ -28,6 +28,7 @@ SWAPPED_SHARE = 0.70  # of the matches; at most a ninth of a true pair's point t
 SWAPPED_MATCHES = 8
 ROW_LIMIT_PX = 1.5
 YAW_LIMIT_RAD = math.radians(0.5)  # shifts every disparity by about 4 px at 640 px width
+SUSPECT_ROW_PX = 1.0  # in one pair; a true rig's are 0.4 px apart at most, one turned by 1 deg 1.3 px and more
 ROW_MATCHES, YAW_MATCHES, POOLED_FRAMES, LEAST_FRAMES = 60, 200, 30, 5
 FLAT_CONTRAST = 2.0  # codes; a lens under a hand or tape gives less, any scene of that light more
 BLURRED_SHARPNESS = 0.50

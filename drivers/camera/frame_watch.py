@@ -15,11 +15,13 @@ from drivers.camera.epipolar import Misalignment, Rectifier, StereoCalibration, 
 from drivers.camera.frame_checks import Grey, PictureFault, ViewMeasures
 from drivers.camera.values import StereoFrame
 from drivers.camera.view_matching import Matches, match
+from drivers.errors import DeviceFault
 
 Array = npt.NDArray[np.float64]
 
 _HASHED_ROWS = 8  # every eighth: the noise of a living sensor is in each
 
+_WITHOUT_NOISE = frozenset({PictureFault.BLACK, PictureFault.WHITE})  # such pictures may well be identical
 ALL_FAULTS = frozenset(PictureFault)
 REMEDIES = {
     PictureFault.FROZEN: "unplug the camera and plug it in again",
@@ -46,6 +48,14 @@ class Finding:
         return REMEDIES[self.fault]
 
 
+class BadPicture(DeviceFault):
+    """A fault that stays in the pictures; ``frame`` is the last of them."""
+
+    def __init__(self, finding: Finding, frame: StereoFrame) -> None:
+        super().__init__("camera", finding.expected, finding.found, finding.remedy)
+        self.fault, self.frame = finding.fault, frame
+
+
 class FrameWatch:
     """``look`` at pairs in their order. ``calibration`` None: whether it still holds is not watched.
 
@@ -60,21 +70,33 @@ class FrameWatch:
         self._last_hash: int | None = None
         self._identical = 1
         self._pool: deque[tuple[Array, Array]] = deque(maxlen=checks.POOLED_FRAMES)
+        self._suspect = False
         self.misalignment: Misalignment | None = None
 
     def look(self, frame: StereoFrame) -> Finding | None:
         """The first fault that this pair shows or completes. About 6 ms for 640x480."""
-        if (finding := self._frozen(frame)) is not None:
-            return finding
+        frozen = self._frozen(frame)
         greys = checks.grey_of(frame.left), checks.grey_of(frame.right)
-        if (finding := self._unclear(*(checks.measure(grey) for grey in greys))) is not None:
-            return finding
-        return self._misplaced(*greys)
+        unclear = self._unclear(*(checks.measure(grey) for grey in greys))
+        if unclear is not None and unclear.fault in _WITHOUT_NOISE:
+            return unclear
+        return frozen or unclear or self._misplaced(*greys)
 
     @property
     def repeats(self) -> bool:
         """Whether the last pair was the same as the one before, which noise alone forbids."""
         return self._identical > 1
+
+    @property
+    def undecided(self) -> bool:
+        """Whether the last pair by itself looks as if the lenses had moved, and more are needed to be sure."""
+        return self._suspect and not self._enough
+
+    @property
+    def _enough(self) -> bool:
+        return (
+            len(self._pool) >= checks.LEAST_FRAMES and sum(len(left) for left, _ in self._pool) >= checks.ROW_MATCHES
+        )
 
     def _frozen(self, frame: StereoFrame) -> Finding | None:
         if PictureFault.FROZEN not in self._faults:
@@ -116,10 +138,11 @@ class FrameWatch:
     def _decalibrated(self, matches: Matches) -> Finding | None:
         if self._rectify is None or PictureFault.DECALIBRATED not in self._faults or len(matches) == 0:
             return None
-        self._pool.append(self._rectify(matches))
-        left, right = (np.concatenate(side) for side in zip(*self._pool, strict=True))
-        if len(self._pool) < checks.LEAST_FRAMES or len(left) < checks.ROW_MATCHES:
+        self._suspect_from(pair := self._rectify(matches), self._rectify.focal_px)
+        self._pool.append(pair)
+        if not self._enough:
             return None
+        left, right = (np.concatenate(side) for side in zip(*self._pool, strict=True))
         self.misalignment = found = misalignment(left, right, self._rectify.focal_px)
         turned = len(left) >= checks.YAW_MATCHES and abs(found.yaw_rad) > checks.YAW_LIMIT_RAD
         if found.row_px <= checks.ROW_LIMIT_PX and not turned:
@@ -130,6 +153,14 @@ class FrameWatch:
             f"{found.row_px:.1f} px apart, as if the right lens had turned by {pitch:.1f} deg in pitch, {yaw:.1f} in "
             f"yaw, {roll:.1f} in roll",
         )  # fmt: skip
+
+    def _suspect_from(self, pair: tuple[Array, Array], focal_px: float) -> None:
+        """One pair is too few to be sure. The first that is suspect begins a new pool: what moved has moved since."""
+        few = len(pair[0]) < checks.SWAPPED_MATCHES
+        suspect = not few and misalignment(*pair, focal_px).row_px > checks.SUSPECT_ROW_PX
+        if suspect and not self._suspect:
+            self._pool.clear()
+        self._suspect = suspect
 
 
 def _numbers(view: ViewMeasures) -> str:

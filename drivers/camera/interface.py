@@ -8,7 +8,7 @@ from drivers.camera.values import StereoFrame
 
 
 class StereoCamera(Protocol):
-    """A stereo pair with a fixed exposure.
+    """A stereo pair whose exposure stays as it was set last.
 
     Every method raises a ``DeviceError``; every wait ends in ``DeviceTimeout``.
     """

@@ -5,10 +5,9 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from drivers.camera.frame_checks import PictureFault
-from drivers.camera.frame_watch import FrameWatch
+from drivers.camera.frame_watch import BadPicture, FrameWatch
 from drivers.camera.interface import StereoCamera
 from drivers.camera.values import StereoFrame
-from drivers.errors import DeviceFault
 
 PERSISTS_S = 1.0  # a fault that stays for that long is told; a fly before the lens is waited for
 
@@ -19,7 +18,7 @@ class WatchedCamera:
     """Implements ``drivers.camera.interface.StereoCamera`` around another; ``clock`` gives loop time.
 
     ``capture`` gives only pairs in which the watch finds nothing. A pair with a fault is taken again; a fault that
-    stays is a ``DeviceFault`` that names it and its remedy.
+    stays is a ``BadPicture`` (a ``DeviceFault``) that names it and its remedy.
     """
 
     def __init__(self, camera: StereoCamera, watch: FrameWatch, clock: Callable[[], float]) -> None:
@@ -44,10 +43,10 @@ class WatchedCamera:
         while True:
             frame = await self.camera.capture()
             finding = self.watch.look(frame)
-            if finding is None and not self.watch.repeats:
+            if finding is None and not (self.watch.repeats or self.watch.undecided):
                 return frame
             if finding is None:
-                continue  # the next pair tells whether it is frozen
+                continue  # the next pairs tell whether it is frozen, or the lenses have moved
             since_s = self._clock() if since_s is None else since_s
             if finding.fault in SURE_AT_ONCE or self._clock() - since_s >= PERSISTS_S:
-                raise DeviceFault("camera", finding.expected, finding.found, finding.remedy)
+                raise BadPicture(finding, frame)

@@ -84,6 +84,12 @@ class Actuation:
         return rolls or self.base_moved
 
     @property
+    def lamp_lit(self) -> bool:
+        """By the relay board's last reading."""
+        reading = self._readings.relay
+        return reading is not None and reading.coils.get(Channel.LAMP, False)
+
+    @property
     def all_reported(self) -> bool:
         return self._readings.inputs() is not None
 
@@ -161,6 +167,13 @@ class Actuation:
             await self._relay.switch(channel, True)
         await self._arm.torque(True)
         await self.poll_arm()
+        await self.poll_relay()
+
+    async def switch_lamp(self, on: bool) -> None:
+        """Light the lamp, or put it out, and read it back; ``Refused`` when it is to be lit and nothing is armed."""
+        if on:
+            self._gate.demand_armed()
+        await self._relay.switch(Channel.LAMP, on)
         await self.poll_relay()
 
     async def de_energise(self) -> tuple[PartStopped, ...]:

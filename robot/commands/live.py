@@ -12,7 +12,8 @@ from rich.table import Table
 from rich.text import Text
 
 from robot.events import Bus
-from robot.mission import BookChanged, ShotDone, State, StateEntered, TargetSkipped, Trouble
+from robot.mission import BookChanged, LightSeen, ShotDone, State, StateEntered, TargetSkipped, Trouble
+from robot.report import light_words
 from robot.runtime import ModeChanged, RunBegan
 from robot.targets import TargetState
 
@@ -23,13 +24,14 @@ class LiveView:
     def __init__(self, bus: Bus) -> None:
         self._console = Console(stderr=True)
         self._heard = bus.subscribe(
-            StateEntered, BookChanged, ShotDone, TargetSkipped, Trouble, ModeChanged, RunBegan
+            StateEntered, BookChanged, LightSeen, ShotDone, TargetSkipped, Trouble, ModeChanged, RunBegan
         )
         self._task: asyncio.Task[None] | None = None
         self._mode, self._state = "disarmed", "idle"
         self._stop = self._stops = self._shots = self._skipped = 0
         self._fates: dict[TargetState, int] = {}
         self._booked_ml = 0.0
+        self._light = "not metered yet"
         self._now_s = 0.0
         self._first_stop_s: float | None = None
         self._notes: list[str] = []
@@ -78,6 +80,8 @@ class LiveView:
             self._fates = {
                 state: sum(target.state is state for target in event.book.targets) for state in TargetState
             }
+        elif isinstance(event, LightSeen):
+            self._light = light_words(event.light)
         elif isinstance(event, ShotDone):
             self._shots += 1
             self._booked_ml += event.booked_ml
@@ -108,6 +112,7 @@ class LiveView:
         table.add_row("stop", f"{self._stop} of {self._stops}")
         table.add_row("targets", fates or "none yet")
         table.add_row("shots", f"{self._shots}, {self._booked_ml:.1f} ml booked")
+        table.add_row("light", self._light)
         table.add_row("time", f"{self._now_s:.0f} s, {self._to_go()}")
         return table
 

@@ -15,7 +15,17 @@ from robot.atomic_file import atomic_file
 from robot.config import load_config
 from robot.errors import FileError
 from robot.ledger import LedgerReader
-from robot.report import Evidence, Judgement, judge, kind_rows, ledger_rows, read_evidence, render, score_rows
+from robot.report import (
+    Evidence,
+    Judgement,
+    judge,
+    kind_rows,
+    ledger_rows,
+    light_rows,
+    read_evidence,
+    render,
+    score_rows,
+)  # fmt: skip
 from robot.runtime.settings import dose_rules
 
 
@@ -61,7 +71,7 @@ def result_table(evidence: Evidence, judgement: Judgement | None) -> Table:
     """The result for the terminal."""
     table = Table(title="Result", show_header=False)
     result = ledger_rows(evidence) if judgement is None else score_rows(judgement.score)
-    for label, value in (*result, *kind_rows(evidence)):
+    for label, value in (*result, *kind_rows(evidence), *light_rows(evidence)):
         table.add_row(Text(label if label[0].isupper() else f"  {label}"), Text(value))
     return table
 

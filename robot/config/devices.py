@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Annotated, Literal, Self
 
-from pydantic import Field, SecretStr, model_validator
+from pydantic import BeforeValidator, Field, SecretStr, model_validator
 
 from robot.config.base import Pixels, Radians, Section, between
 
@@ -12,19 +12,38 @@ Baud = Annotated[int, Field(ge=1200, le=4_500_000)]
 UnitId = Annotated[int, Field(ge=1, le=247)]
 Place = Annotated[str, Field(min_length=1, max_length=300)]
 Parity = Literal["N", "E", "O"]
+MainsHz = Annotated[
+    Literal[0, 50, 60], BeforeValidator(lambda value: int(value) if value in ("0", "50", "60") else value)
+]
 
 
 # --- camera
 
 
 class _Camera(Section):
+    """``exposure`` "auto": metered on the plants at every stop, within the bounds; it begins with ``exposure_s`` and
+    ``gain``. "fixed": those two, always.
+
+    ``mains_hz``: longer exposures are whole half periods of it; None: the camera's ``power_line_hz``, else 50.
+    ``lamp`` "auto": lit when a good picture would need more than ``lamp_beyond_s`` of exposure (times gain) without it.
+    Plants below ``dark_signal`` (linear, 1 is white at a gain of 1) with no more light to be had are too dark to trust:
+    that stop is skipped, or the mission stops, as ``when_dark`` says.
+    """
+
     calibration: str
     image_size_px: tuple[Pixels, Pixels] = (640, 480)
     exposure_s: Annotated[float, between(1e-5, 0.2)]
     gain: Annotated[float, between(1.0, 32.0)] = 1.0
     rate_hz: Annotated[float, between(0.1, 120.0)] = 15.0
     white_balance_k: Annotated[int, Field(ge=2000, le=10_000)] | None = None
-    lamp: Literal["off", "on"] = "off"
+    exposure: Literal["auto", "fixed"] = "auto"
+    max_exposure_s: Annotated[float, between(1e-4, 0.2)] = 0.02
+    max_gain: Annotated[float, between(1.0, 32.0)] = 8.0
+    mains_hz: MainsHz | None = None
+    lamp: Literal["off", "on", "auto"] = "off"
+    lamp_beyond_s: Annotated[float, between(1e-3, 10.0)] = 0.02
+    dark_signal: Annotated[float, between(1e-5, 0.06)] = 0.0015
+    when_dark: Literal["skip", "stop"] = "skip"
 
 
 class MockCameraSection(_Camera):
@@ -50,7 +69,7 @@ class StereoUsbCameraSection(_Camera):
     device: Place
     right_device: Place | None = None
     format: Literal["MJPG", "YUYV"] = "MJPG"
-    power_line_hz: Literal[0, 50, 60] = 50
+    power_line_hz: MainsHz = 50
     latency_s: Annotated[float, between(0.0, 1.0)] = 0.03
     frame_timeout_s: Annotated[float, between(0.1, 5.0)] = 0.5
     swapped: bool = False

@@ -91,6 +91,10 @@ class Config(BaseSettings):
             raise ValueError(
                 f"task.tank_fill_ml ({self.task.tank_fill_ml}) exceeds fluid.tank_ml ({self.fluid.tank_ml})"
             )
+        if self.camera.lamp != "off" and self.relay.channels.lamp is None:
+            raise ValueError(
+                f"camera.lamp is \"{self.camera.lamp}\", and relay.channels names no lamp; wire it, or set it \"off\""
+            )
         if len(self.arm.stow_rad) != len(self.arm.ready_rad):
             raise ValueError("arm.stow_rad and arm.ready_rad must name the same number of joints")
         return self

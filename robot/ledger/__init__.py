@@ -2,7 +2,7 @@
 
 from robot.ledger.ledger import Ledger, LedgerRuleError, wall_clock
 from robot.ledger.reader import LedgerReader
-from robot.ledger.records import EventRow, ShotRow, StopRecord, StopRow, TaskRow, Totals
+from robot.ledger.records import EventRow, ShotRow, StopLight, StopRecord, StopRow, TaskRow, Totals
 from robot.ledger.values import Checkpoint, Dangling, Intent, Outcome, Result, Task
 
 __all__ = [
@@ -16,6 +16,7 @@ __all__ = [
     "Outcome",
     "Result",
     "ShotRow",
+    "StopLight",
     "StopRecord",
     "StopRow",
     "Task",

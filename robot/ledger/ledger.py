@@ -14,7 +14,7 @@ from robot.errors import SprayerError
 from robot.ledger.database import open_for_writing, readable_errors
 from robot.ledger.lock import LedgerLock
 from robot.ledger.reader import LedgerReader
-from robot.ledger.records import StopRecord
+from robot.ledger.records import StopLight, StopRecord
 from robot.ledger.values import Checkpoint, Dangling, Intent, Outcome, Result, Task
 from robot.targets.values import Target
 
@@ -175,7 +175,9 @@ class Ledger(LedgerReader):
         with self._transaction() as db:
             db.execute(
                 "INSERT INTO stop (task_id, run_id, utc, row, stop, planned_x_m, x_m, y_m, heading_rad, stamp_s,"
-                " frame_file, light_level, fruits_seen) VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?)",
+                " frame_file, light_level, fruits_seen, light_state, plant_level, burnt_share, illumination_1_s,"
+                " exposure_s, gain, lamp, light_remark)"
+                " VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?)",
                 (
                     task_id,
                     self._run(),
@@ -190,6 +192,7 @@ class Ledger(LedgerReader):
                     record.frame_file,
                     record.light_level,
                     record.fruits_seen,
+                    *_light_columns(record.light),
                 ),
             )
 
@@ -240,6 +243,21 @@ class Ledger(LedgerReader):
                 if isinstance(error, sqlite3.IntegrityError):
                     raise LedgerRuleError(f"{self.path}: refused a row: {error}") from error
                 raise
+
+
+def _light_columns(light: StopLight | None) -> tuple[object, ...]:
+    if light is None:
+        return (None,) * 8
+    return (
+        light.state.value,
+        light.plant_level,
+        light.burnt_share,
+        light.illumination_1_s,
+        light.exposure_s,
+        light.gain,
+        int(light.lamp),
+        light.remark,
+    )
 
 
 def _id(row: sqlite3.Cursor) -> int:

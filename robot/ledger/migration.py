@@ -19,6 +19,7 @@ _TO_2 = (
 _AS_2 = {
     "target": f"{_MEASURED} AS measured, {_WEIGHT} AS ripeness_weight",
     "intent": "1.0 AS factor, '' AS reason",
+    "stop": ", ".join(f"NULL AS {column.split()[0]}" for column in COLUMNS_2["stop"]),
 }
 
 

@@ -6,6 +6,7 @@ import json
 import sqlite3
 import threading
 from collections.abc import Sequence
+from dataclasses import replace
 from datetime import datetime
 from pathlib import Path
 from types import TracebackType
@@ -15,9 +16,10 @@ import numpy as np
 
 from robot.errors import FileError
 from robot.ledger.database import open_for_reading, readable_errors
-from robot.ledger.records import EventRow, ShotRow, StopRecord, StopRow, TaskRow, Totals
+from robot.ledger.records import EventRow, ShotRow, StopLight, StopRecord, StopRow, TaskRow, Totals
 from robot.ledger.values import Checkpoint, Dangling, Intent, Outcome, Result, Task
 from robot.targets.values import Target, TargetState
+from robot.vision.light import LightState
 from robot.vision.values import Ripeness
 
 _SHOT_COLUMNS = """
@@ -117,12 +119,13 @@ class LedgerReader:
         return Checkpoint(*rows[0]) if rows else None
 
     def stops(self, task_id: int) -> tuple[StopRow, ...]:
+        light = "light_state, plant_level, burnt_share, illumination_1_s, exposure_s, gain, lamp, light_remark"
         rows = self._rows(
             "SELECT run_id, utc, row, stop, planned_x_m, x_m, y_m, heading_rad, stamp_s, frame_file, light_level,"
-            " fruits_seen FROM stop WHERE task_id = ? ORDER BY id",
+            f" fruits_seen, {light} FROM stop WHERE task_id = ? ORDER BY id",
             task_id,
         )
-        return tuple(StopRow(row[0], StopRecord(*row[2:]), _utc(row[1])) for row in rows)
+        return tuple(StopRow(row[0], _stop(row[2:]), _utc(row[1])) for row in rows)
 
     def events(self, *kinds: str) -> tuple[EventRow, ...]:
         """Events of all runs in the order of writing; of these kinds, or all."""
@@ -140,6 +143,14 @@ class LedgerReader:
 
 def _utc(text: str) -> datetime:
     return datetime.fromisoformat(text)
+
+
+def _stop(row: Sequence[Any]) -> StopRecord:
+    *stop, state, level, burnt, illumination, exposure_s, gain, lamp, remark = row
+    light = None
+    if state is not None:
+        light = StopLight(LightState(state), level, burnt, illumination, exposure_s, gain, bool(lamp), remark)
+    return replace(StopRecord(*stop), light=light)
 
 
 def _shot(row: Sequence[Any]) -> ShotRow:

@@ -7,6 +7,25 @@ from dataclasses import dataclass
 from datetime import datetime
 
 from robot.ledger.values import Intent, Outcome, Result
+from robot.vision.light import LightState
+
+
+@dataclass(frozen=True, slots=True)
+class StopLight:
+    """In what light a stop was looked at.
+
+    ``plant_level`` and ``burnt_share`` (0..1) are of the plants, linear; ``illumination_1_s`` is independent of
+    ``exposure_s`` and ``gain``; ``lamp`` whether it was lit; ``remark`` what a person should know of it.
+    """
+
+    state: LightState
+    plant_level: float
+    burnt_share: float
+    illumination_1_s: float
+    exposure_s: float
+    gain: float
+    lamp: bool
+    remark: str = ""
 
 
 @dataclass(frozen=True, slots=True)
@@ -14,7 +33,7 @@ class StopRecord:
     """One detection at a stop: where the rover should be and believes to be (row frame), and what it saw.
 
     ``frame_file`` is a file name in the run's folder, "" when no frame was kept. ``light_level`` is the frame's mean
-    grey, 0..255. ``stamp_s`` is the frame's.
+    grey, 0..255. ``stamp_s`` is the frame's. ``light`` None: an older program wrote the stop, which did not meter.
     """
 
     row: str
@@ -27,6 +46,7 @@ class StopRecord:
     frame_file: str
     light_level: float
     fruits_seen: int
+    light: StopLight | None = None
 
 
 @dataclass(frozen=True, slots=True)

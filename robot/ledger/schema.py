@@ -18,8 +18,18 @@ COLUMNS_2 = {
         "factor REAL NOT NULL DEFAULT 1 CHECK (factor BETWEEN 0 AND 2)",
         "reason TEXT NOT NULL DEFAULT ''",
     ),
+    "stop": (
+        "light_state TEXT CHECK (light_state IN ('good', 'dim', 'dark', 'bright'))",
+        "plant_level REAL CHECK (plant_level BETWEEN 0 AND 1)",
+        "burnt_share REAL CHECK (burnt_share BETWEEN 0 AND 1)",
+        f"illumination_1_s REAL CHECK (illumination_1_s {_AMOUNT})",
+        "exposure_s REAL CHECK (exposure_s > 0 AND exposure_s <= 3600)",
+        "gain REAL CHECK (gain >= 1 AND gain <= 1e6)",
+        "lamp INTEGER CHECK (lamp IN (0, 1))",
+        "light_remark TEXT",
+    ),
 }
-_TARGET_2, _INTENT_2 = (",\n    ".join(columns) for columns in COLUMNS_2.values())
+_TARGET_2, _INTENT_2, _STOP_2 = (",\n    ".join(columns) for columns in COLUMNS_2.values())
 
 SCHEMA = f"""
 CREATE TABLE run (
@@ -125,7 +135,8 @@ CREATE TABLE stop (
     stamp_s REAL NOT NULL CHECK (stamp_s {_FINITE}),
     frame_file TEXT NOT NULL,
     light_level REAL NOT NULL CHECK (light_level BETWEEN 0 AND 255),
-    fruits_seen INTEGER NOT NULL CHECK (fruits_seen >= 0)
+    fruits_seen INTEGER NOT NULL CHECK (fruits_seen >= 0),
+    {_STOP_2}
 ) STRICT;
 
 CREATE TABLE event (

@@ -31,6 +31,7 @@ class Progress:
 
     ``frame_pose`` is the base's pose at the frame in which the present targets were seen; ``seen`` their ids;
     ``queue`` the ids still to be treated at this stop, None before they were chosen; ``aimed`` the id under the nozzle.
+    ``lamp_added_1_s`` what the lamp added to the light when it was lit; ``exposure_refused`` what the camera answered.
     """
 
     book: Book = field(default_factory=Book)
@@ -39,6 +40,8 @@ class Progress:
     seen: frozenset[int] = frozenset()
     queue: list[int] | None = None
     aimed: int | None = None
+    lamp_added_1_s: float = 0.0
+    exposure_refused: str = ""
 
 
 @dataclass(frozen=True, slots=True, eq=False)

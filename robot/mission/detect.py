@@ -3,26 +3,39 @@
 from __future__ import annotations
 
 from drivers.camera.values import StereoFrame
+from drivers.errors import DeviceFault
 from robot import navigation
 from robot.clock import work
+from robot.errors import SprayerError
 from robot.geometry import Pose2
-from robot.ledger import StopRecord
+from robot.ledger import StopLight, StopRecord
 from robot.mission.context import MissionContext
-from robot.mission.events import FrameSeen
+from robot.mission.events import FrameSeen, Trouble
+from robot.mission.light import look, mistrust
 from robot.mission.transitions import Event
 from robot.targets import Book, Match, Sighting, TargetState, match, observe, sighting, wanted, with_state
 from robot.vision.values import Fruit
+
+_STAMP_TOLERANCE_S = 0.2  # of a camera whose latency is not known well; the base has stood for longer than that
+
+
+class LightError(SprayerError):
+    """The light is not to be trusted, and the configuration says that the mission then stops."""
 
 
 async def detect(context: MissionContext) -> Event:
     """One look. BASE_MOVED when odometry cannot prove that the base stood still through the exposure."""
     context.actuation.mark_frame()
-    frame = await context.camera.capture()
+    called_s = context.now_s()
+    frame, light = await look(context)
+    _require_fresh(frame, called_s)
     await context.actuation.poll_odometry()
     after = context.actuation.odometry
     if after is None or context.actuation.base_moved:
         return Event.BASE_MOVED
     context.localiser.on_odometry(after)
+    if why := mistrust(light):
+        return await _leave_out(context, frame, light, why)
     settings = context.settings
     detector, rig = context.detector, context.rig
     fruits = await work(lambda: detector.detect(frame.left, frame.right, rig), settings.detect_duration_s)
@@ -31,8 +44,31 @@ async def detect(context: MissionContext) -> Event:
     await context.keep(_judged(book, context))
     context.progress.frame_pose = pose
     context.progress.seen = frozenset(item.target_id for item in matches)
-    await _record(context, frame, fruits, matches, pose)
+    await _record(context, frame, light, fruits, matches, pose)
     return Event.TARGETS if chosen(context) else Event.NO_TARGETS
+
+
+async def _leave_out(context: MissionContext, frame: StereoFrame, light: StopLight, why: str) -> Event:
+    """Nothing is looked for in such light, so nothing is sprayed at this stop; it is told and written down."""
+    pose = context.localiser.pose_at(frame.stamp_s)
+    context.progress.frame_pose, context.progress.seen = pose, frozenset()
+    await _record(context, frame, light, (), (), pose)
+    text = f"stop {context.progress.stop}: {why}"
+    await context.record("light", text)
+    if context.settings.light.stops_when_dark:
+        raise LightError(f"{text}; come back by day or light the lamp, then resume")
+    context.publish(Trouble(text, context.now_s()))
+    return Event.NO_TARGETS
+
+
+def _require_fresh(frame: StereoFrame, called_s: float) -> None:
+    """``DeviceFault`` for a pair whose exposure began before it was asked for: nobody knows where the base was then."""
+    begun_s = frame.stamp_s - 0.5 * frame.exposure_s
+    if not begun_s >= called_s - _STAMP_TOLERANCE_S:
+        raise DeviceFault(
+            "camera", "a pair exposed after it was asked for", f"one that began {called_s - begun_s:.2f} s before",
+            "look for what holds its pictures up (computer, cable, hub)",
+        )  # fmt: skip
 
 
 def chosen(context: MissionContext) -> tuple[int, ...]:
@@ -86,8 +122,9 @@ def frame_file(stop: int) -> str:
 
 
 async def _record(
-    context: MissionContext, frame: StereoFrame, fruits: tuple[Fruit, ...], matches: tuple[Match, ...], pose: Pose2
-) -> None:
+    context: MissionContext, frame: StereoFrame, light: StopLight, fruits: tuple[Fruit, ...],
+    matches: tuple[Match, ...], pose: Pose2,
+) -> None:  # fmt: skip
     stop = context.progress.stop
     ids = {item.index: item.target_id for item in matches}
     context.publish(FrameSeen(stop, frame, fruits, tuple(ids.get(i, 0) for i in range(len(fruits)))))
@@ -102,5 +139,6 @@ async def _record(
         frame_file=frame_file(stop),
         light_level=float(frame.left.mean()),
         fruits_seen=len(fruits),
+        light=light,
     )
     await context.write(lambda: context.ledger.record_stop(context.task_id, record))

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from drivers.camera.values import StereoFrame
+from robot.ledger import StopLight
 from robot.mission.transitions import State
 from robot.targets import Book
 from robot.vision.values import Fruit
@@ -29,6 +30,15 @@ class FrameSeen:
     frame: StereoFrame
     fruits: tuple[Fruit, ...]
     target_ids: tuple[int, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class LightSeen:
+    """In what light the pair of a stop was taken, at the end of metering."""
+
+    stop: int
+    light: StopLight
+    stamp_s: float
 
 
 @dataclass(frozen=True, slots=True, eq=False)

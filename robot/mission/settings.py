@@ -9,6 +9,7 @@ from robot.dosing import Caps, DoseRules, FlowModel, PulseLimits
 from robot.geometry import Transform
 from robot.navigation import Datum, DriveLimits, FixRules, Row
 from robot.targets import BookParameters, Policy
+from robot.vision.light import ExposureBounds, LampPolicy, LightGoals
 
 
 @dataclass(frozen=True, slots=True)
@@ -21,6 +22,19 @@ class DoseSettings:
     caps: Caps
     full_factor: float = 1.15
     full_extra_s: float = 0.03
+
+
+@dataclass(frozen=True, slots=True)
+class LightSettings:
+    """``adjusts`` whether the exposure may be changed; ``lamp_beyond_s`` see ``lamp_wanted``; ``stops_when_dark``
+    whether a stop that is too dark to trust ends the mission instead of being skipped."""
+
+    goals: LightGoals
+    bounds: ExposureBounds
+    adjusts: bool
+    lamp: LampPolicy
+    lamp_beyond_s: float
+    stops_when_dark: bool
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -47,6 +61,7 @@ class MissionSettings:
     book: BookParameters
     policy: Policy
     dose: DoseSettings
+    light: LightSettings
     drive: DriveLimits
     track_m: float
     ahead_m: float

@@ -3,7 +3,7 @@
 from robot.report.evidence import Evidence, read_evidence
 from robot.report.page import render
 from robot.report.score import Judgement, Score, judge
-from robot.report.table import kind_rows, ledger_rows, score_rows
+from robot.report.table import kind_rows, ledger_rows, light_rows, light_words, score_rows
 
 __all__ = [
     "Evidence",
@@ -12,6 +12,8 @@ __all__ = [
     "judge",
     "kind_rows",
     "ledger_rows",
+    "light_rows",
+    "light_words",
     "read_evidence",
     "render",
     "score_rows",

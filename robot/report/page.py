@@ -15,7 +15,7 @@ from drivers.twin.truth_record import TrueFruit, TruthRecord
 from robot.report.drawing import dose_chart, row_view
 from robot.report.evidence import Evidence
 from robot.report.score import Judgement
-from robot.report.table import Row, figure, kind_rows, ledger_rows, score_rows
+from robot.report.table import Row, figure, kind_rows, ledger_rows, light_rows, light_words, score_rows
 from robot.targets import Target, TargetState
 
 _MIME = {b"\xff\xd8": "image/jpeg", b"\x89P": "image/png"}
@@ -102,7 +102,8 @@ def task_rows(evidence: Evidence) -> tuple[Row, ...]:
 
 
 def _result(evidence: Evidence, judgement: Judgement | None) -> tuple[Row, ...]:
-    return ledger_rows(evidence) if judgement is None else score_rows(judgement.score)
+    rows = ledger_rows(evidence) if judgement is None else score_rows(judgement.score)
+    return (*rows, *light_rows(evidence))
 
 
 def _template() -> jinja2.Template:
@@ -126,6 +127,8 @@ def _pictures(evidence: Evidence, frames: Path | None) -> tuple[Picture, ...]:
         if mime is not None:
             uri = f"data:{mime};base64,{base64.b64encode(data).decode('ascii')}"
             caption = f"Stop {number}, x = {record.x_m:.2f} m: {record.fruits_seen} fruits seen"
+            if record.light is not None:
+                caption += f"; light {light_words(record.light)}"
             pictures.append(Picture(number, caption, uri))
     return tuple(pictures)
 

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from robot.ledger import StopLight
 from robot.report.evidence import Evidence
 from robot.report.kinds import Kind, kinds
 from robot.report.score import Score, seconds_a_target, skipped_by_reason
 from robot.targets import TargetState
+from robot.vision.light import trusted
 
 Row = tuple[str, str]
 
@@ -89,3 +91,33 @@ def figure(value: float | None, unit: str) -> str:
 
 def _in(percent: float | None) -> str:
     return "" if percent is None else f" ({percent:.0f} %)"
+
+
+def light_rows(evidence: Evidence) -> tuple[Row, ...]:
+    """In what light the row was looked at, and at how many stops it could not be trusted."""
+    lights = [stop.record.light for stop in evidence.stops if stop.record.light is not None]
+    if not lights:
+        return ()
+    states = ", ".join(
+        f"{state.value} {sum(light.state is state for light in lights)}"
+        for state in dict.fromkeys(light.state for light in lights)
+    )
+    levels = [100.0 * light.plant_level for light in lights]
+    rows = [
+        ("Light at the stops", states),
+        ("plants, of full scale", f"{min(levels):.1f} to {max(levels):.1f} %"),
+        ("lamp lit at", f"{sum(light.lamp for light in lights)} of {len(lights)}"),
+    ]
+    if left_out := sum(not trusted(light.state) for light in lights):
+        rows.append(("not looked for fruit, light not to be trusted", f"{left_out} of {len(lights)}"))
+    return tuple(rows)
+
+
+def light_words(light: StopLight) -> str:
+    """The light of a stop in one line."""
+    lamp = "lit" if light.lamp else "off"
+    words = (
+        f"{light.state}: plants {100.0 * light.plant_level:.1f} %, {1e3 * light.exposure_s:.1f} ms, "
+        f"gain {light.gain:.1f}, lamp {lamp}"
+    )
+    return words + (f" ({light.remark})" if light.remark else "")

@@ -11,14 +11,16 @@ from robot.actuation import HandSettings
 from robot.aiming import AimingParameters, ArmModel, RoverBody, parse_urdf
 from robot.calibration_file import load_rig
 from robot.config import Config
+from robot.config.devices import StereoUsbCameraSection
 from robot.dosing import Caps, DoseLaw, DoseRules, FlowModel, Hidden, LawKind, PulseLimits, RipenessFactors
 from robot.errors import ConfigError
 from robot.geometry import Transform, body_from_optical, transform_from_xyz_rpy
 from robot.ledger.values import Task
-from robot.mission import DoseSettings, MissionSettings
+from robot.mission import DoseSettings, LightSettings, MissionSettings
 from robot.navigation import Datum, DriveLimits, FixRules, Row, parse_route
 from robot.package_files import named_file
 from robot.targets import BookParameters, Policy, RipenessBorders
+from robot.vision.light import ExposureBounds, LampPolicy, LightGoals
 from robot.vision.stereo_rig import StereoRig
 from robot.vision.values import Ripeness
 
@@ -188,6 +190,21 @@ def dose_settings(config: Config) -> DoseSettings:
     )
 
 
+def light_settings(config: Config) -> LightSettings:
+    camera = config.camera
+    mains_hz = camera.mains_hz
+    if mains_hz is None:
+        mains_hz = camera.power_line_hz if isinstance(camera, StereoUsbCameraSection) else 50
+    return LightSettings(
+        goals=LightGoals(dark_signal=camera.dark_signal),
+        bounds=ExposureBounds(longest_s=camera.max_exposure_s, greatest_gain=camera.max_gain, mains_hz=mains_hz),
+        adjusts=camera.exposure == "auto",
+        lamp=LampPolicy(camera.lamp),
+        lamp_beyond_s=camera.lamp_beyond_s,
+        stops_when_dark=camera.when_dark == "stop",
+    )
+
+
 def mission_settings(config: Config, row: Row, arm: ArmModel) -> MissionSettings:
     base_from_camera, base_from_arm = mounts(config)
     camera_m = base_from_arm.inverse().apply(base_from_camera.translation_m)
@@ -224,6 +241,7 @@ def mission_settings(config: Config, row: Row, arm: ArmModel) -> MissionSettings
             treat_hidden=config.dosing.hidden != "skip",
         ),
         dose=dose_settings(config),
+        light=light_settings(config),
         drive=DriveLimits(
             max_speed_m_s=max_speed_m_s,
             max_deceleration_m_s2=min(0.3, config.wheels.max_acceleration_m_s2),

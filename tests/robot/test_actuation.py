@@ -189,3 +189,28 @@ def test_the_base_does_not_drive_with_the_arm_unfolded(tmp_path):
             return m.twin.base_pose
 
     assert run_virtual(main()) == (0.0, 0.0, 0.0)
+
+
+def test_the_lamp_is_lit_only_by_an_armed_machine_and_read_back(tmp_path):
+    async def main():
+        async with machine(tmp_path) as m:
+            assert not m.actuation.lamp_lit
+            await m.actuation.switch_lamp(True)
+            shown = m.actuation.lamp_lit, m.twin.coils(asyncio.get_running_loop().time())[Channel.LAMP]
+            await m.actuation.stop("test")
+            with pytest.raises(Refused, match="mode is safe_stop"):
+                await m.actuation.switch_lamp(True)
+            await m.actuation.switch_lamp(False)  # may always go out
+            return shown, m.actuation.lamp_lit
+
+    assert run_virtual(main()) == ((True, True), False)
+
+
+def test_a_disarmed_machine_lights_no_lamp(tmp_path):
+    async def main():
+        async with machine(tmp_path, start=False) as m:
+            with pytest.raises(Refused, match="mode is disarmed"):
+                await m.actuation.switch_lamp(True)
+            return m.twin.coils(asyncio.get_running_loop().time())[Channel.LAMP]
+
+    assert not run_virtual(main())

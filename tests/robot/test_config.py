@@ -5,8 +5,10 @@ import pytest
 
 from robot.config import Config, load_config
 from robot.errors import ConfigError
+from robot.mission import LightSettings
 from robot.package_files import config_file, named_file, packaged
-from robot.runtime.settings import dose_rules
+from robot.runtime.settings import dose_rules, light_settings
+from robot.vision.light import ExposureBounds, LampPolicy, LightGoals
 from robot.vision.values import Ripeness
 
 DEMO = Path(__file__).parents[2] / "configs" / "demo.toml"
@@ -47,6 +49,10 @@ def test_an_unknown_key_without_a_neighbour_lists_the_known_ones(tmp_path):
         ("pump_pressure_bar = 2.76", "pump_pressure_bar = 40", "fluid.pump_pressure_bar"),  # psi for bar
         ("coefficient = 0.02 ", "coefficient = nan ", "dosing.coefficient"),
         ("exposure_s = 0.004", "exposure_s = inf", "camera.exposure_s"),
+        ('exposure = "auto"', 'exposure = "sometimes"', "camera.exposure"),
+        ("gain = 1.0", "gain = 1.0\nmax_exposure_s = 20", "camera.max_exposure_s"),  # ms for s
+        ("gain = 1.0", "gain = 1.0\nmains_hz = 55", "camera.mains_hz"),
+        ("gain = 1.0", "gain = 1.0\ndark_signal = 0.5", "camera.dark_signal"),
         ('side = "left"', 'side = "up"', "rig.side"),
         ("green = 1.0", "green = 50", "dosing.factor.green"),  # per cent
         ('hidden = "minimum"', 'hidden = "maybe"', "dosing.hidden"),
@@ -98,6 +104,38 @@ def test_a_factor_of_0_is_sound_for_fruit_that_is_not_treated(tmp_path):
     rules = dose_rules(load_config(path))
     assert rules.dose_ml(0.08, Ripeness.GREEN) == 0.0
     assert rules.dose_ml(0.08, Ripeness.RED) == pytest.approx(5.36, abs=0.01)
+
+
+@pytest.mark.parametrize("lamp", ["on", "auto"])
+def test_a_lamp_that_is_not_wired_cannot_be_asked_for(tmp_path, lamp, monkeypatch):
+    monkeypatch.setenv("SPRAYER_CAMERA__LAMP", lamp)
+    load_config(DEMO)
+    with pytest.raises(ConfigError, match=r"relay\.channels names no lamp"):
+        load_config(_changed(tmp_path, "lamp = 3, ", ""))
+
+
+def test_the_light_of_a_mission_follows_from_the_camera_section(monkeypatch):
+    light = light_settings(load_config(DEMO))
+    assert (light.adjusts, light.lamp, light.bounds.mains_hz) == (True, LampPolicy.OFF, 50)
+    assert not light.stops_when_dark
+    for key, value in (
+        ("EXPOSURE", "fixed"), ("LAMP", "auto"), ("MAINS_HZ", "60"), ("MAX_EXPOSURE_S", "0.05"), ("MAX_GAIN", "4"),
+        ("DARK_SIGNAL", "0.01"), ("WHEN_DARK", "stop"), ("LAMP_BEYOND_S", "0.1"),
+    ):  # fmt: skip
+        monkeypatch.setenv(f"SPRAYER_CAMERA__{key}", value)
+    light = light_settings(load_config(DEMO))
+    assert light == LightSettings(
+        LightGoals(dark_signal=0.01), ExposureBounds(longest_s=0.05, greatest_gain=4.0, mains_hz=60), False,
+        LampPolicy.AUTO, 0.1, True,
+    )  # fmt: skip
+
+
+def test_a_usb_cameras_filter_says_which_mains_there_is(monkeypatch):
+    rover = DEMO.with_name("rover.toml")
+    monkeypatch.setenv("SPRAYER_CAMERA__POWER_LINE_HZ", "60")
+    assert light_settings(load_config(rover)).bounds.mains_hz == 60
+    monkeypatch.setenv("SPRAYER_CAMERA__MAINS_HZ", "0")
+    assert light_settings(load_config(rover)).bounds.mains_hz == 0
 
 
 def test_the_environment_overrides_a_single_value(monkeypatch):

@@ -8,8 +8,9 @@ from pathlib import Path
 
 import numpy as np
 
-from robot.ledger import Checkpoint, Intent, Ledger, Outcome, Result, StopRecord, Task
+from robot.ledger import Checkpoint, Intent, Ledger, Outcome, Result, StopLight, StopRecord, Task
 from robot.targets import Target, TargetState
+from robot.vision.light import LightState
 from robot.vision.values import Ripeness
 
 NOON = datetime(2026, 6, 1, 12, 0, tzinfo=UTC)
@@ -32,6 +33,8 @@ INTENT = Intent(
 SPRAYED = Result(Outcome.SPRAYED, 5.0, 0.401, 4.9, "", 13.0)
 CHECKPOINT = Checkpoint(stop=3, x_m=1.4, y_m=0.001, heading_rad=0.002, left_m=1.39, right_m=1.41, stamp_s=30.0)
 STOP = StopRecord("A", 2, 1.0, 0.998, 0.002, 0.001, 11.0, "stop_002.jpg", 101.5, 4)
+
+LIGHT = StopLight(LightState.DIM, 0.031, 0.002, 0.19, 0.02, 8.0, True, "backlight")
 
 
 def target(target_id: int = 1, state: TargetState = TargetState.OPEN, x_m: float = 1.0) -> Target:

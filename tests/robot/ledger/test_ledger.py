@@ -14,7 +14,7 @@ import pytest
 from robot.errors import FileError
 from robot.ledger import Ledger, LedgerReader, LedgerRuleError, Outcome, Result
 from robot.targets import TargetState
-from tests.robot.ledger.rows import CHECKPOINT, INTENT, NOON, SPRAYED, STOP, TASK, intent, started, target
+from tests.robot.ledger.rows import CHECKPOINT, INTENT, LIGHT, NOON, SPRAYED, STOP, TASK, intent, started, target
 
 Opened = tuple[Ledger, int]
 
@@ -240,10 +240,10 @@ def test_the_newest_checkpoint_counts(opened: Opened) -> None:
 def test_stops_and_events_come_back_in_order(opened: Opened) -> None:
     ledger, task_id = opened
     ledger.record_stop(task_id, STOP)
-    ledger.record_stop(task_id, replace(STOP, stop=3))
+    ledger.record_stop(task_id, replace(STOP, stop=3, light=LIGHT))
     ledger.record_event("state", "MOVE", 1.0)
     ledger.record_event("fault", "bumper pressed", 2.0)
-    assert [row.record for row in ledger.stops(task_id)] == [STOP, replace(STOP, stop=3)]
+    assert [row.record for row in ledger.stops(task_id)] == [STOP, replace(STOP, stop=3, light=LIGHT)]
     assert [(row.kind, row.text, row.stamp_s) for row in ledger.events()] == [
         ("state", "MOVE", 1.0),
         ("fault", "bumper pressed", 2.0),

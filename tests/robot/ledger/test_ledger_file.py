@@ -10,6 +10,7 @@ import sqlite3
 import subprocess
 import sys
 import threading
+from dataclasses import replace
 from datetime import timedelta
 from pathlib import Path
 
@@ -18,7 +19,8 @@ import pytest
 from robot.errors import BusyError, FileError
 from robot.ledger import Ledger, LedgerReader, Outcome, wall_clock
 from robot.ledger.database import readable_errors
-from tests.robot.ledger.rows import INTENT, NOON, SPRAYED, intent, started
+from robot.ledger.schema import SCHEMA_VERSION
+from tests.robot.ledger.rows import INTENT, LIGHT, NOON, SPRAYED, STOP, TASK, intent, started
 
 REPOSITORY = Path(__file__).parents[3]
 
@@ -174,8 +176,18 @@ def test_a_ledger_of_a_newer_program_is_refused(tmp_path: Path) -> None:
         raw.execute("PRAGMA user_version = 99")
     raw.close()
     for door in (Ledger.open, LedgerReader.open_read_only):
-        with pytest.raises(FileError, match=r"schema 99, this one knows 2\); update the program"):
+        with pytest.raises(FileError, match=rf"schema 99, this one knows {SCHEMA_VERSION}\); update the program"):
             door(ledger.path)
+
+
+def test_the_light_of_a_stop_is_kept_with_it(tmp_path: Path) -> None:
+    lit = replace(STOP, stop=3, light=LIGHT)
+    with Ledger.open(tmp_path / "run.ledger", utc=lambda: NOON) as ledger:
+        ledger.begin_run("boot-1", NOON)
+        task = ledger.begin_task(TASK)
+        ledger.record_stop(task, STOP)
+        ledger.record_stop(task, lit)
+        assert [row.record for row in ledger.stops(task)] == [STOP, lit]
 
 
 def test_a_file_that_is_no_database_is_refused_and_kept(tmp_path: Path) -> None:

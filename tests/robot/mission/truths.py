@@ -18,9 +18,10 @@ def last_process(run: Run) -> ProcessTruth:
 
 
 def stop_errors_m(run: Run) -> list[float]:
-    """How far the base truly stood from where each look was planned, in x and y."""
+    """How far the base truly stood from where each look was planned, in x and y; pairs only metered are no looks."""
     planned = [stop.record.planned_x_m for stop in run.evidence.stops]
-    views = [view for process in run.truth.processes for view in process.views]
+    looks = {stop.record.stamp_s for stop in run.evidence.stops}
+    views = [view for process in run.truth.processes for view in process.views if view.t in looks]
     return [math.hypot(view.base[0] - x_m, view.base[1]) for view, x_m in zip(views, planned, strict=True)]
 
 

@@ -15,9 +15,10 @@ from typer.testing import CliRunner
 from robot.commands.report import load_truth, report
 from robot.errors import FileError
 from robot.ledger import Ledger, LedgerReader
-from robot.report import kind_rows, read_evidence, render
+from robot.report import kind_rows, light_rows, read_evidence, render
 from robot.targets import TargetState
-from tests.robot.ledger.rows import INTENT, NOON, SPRAYED, TASK, started, target
+from robot.vision.light import LightState
+from tests.robot.ledger.rows import INTENT, LIGHT, NOON, SPRAYED, STOP, TASK, started, target
 from tests.robot.report.sprayed_row import write_frame, write_ledger, write_truth
 
 TOO_HIDDEN_SHOT = "too hidden to measure: minimum dose"
@@ -176,3 +177,29 @@ def test_a_report_of_a_robot_at_work_can_be_made(tmp_path: Path) -> None:
     with LedgerReader.open_read_only(ledger.path) as reader:
         assert "<html" in render(read_evidence(reader), None, None, None)
     ledger.close()
+
+
+def test_the_light_of_every_stop_is_told_and_where_it_was_not_trusted(tmp_path: Path) -> None:
+    ledger, task_id = started(tmp_path / "ledger.sqlite")
+    dark = replace(LIGHT, state=LightState.DARK, plant_level=0.004, lamp=False, remark="no plants seen")
+    for number, light in enumerate((None, LIGHT, dark), start=1):
+        ledger.record_stop(task_id, replace(STOP, stop=number, light=light))
+    evidence = read_evidence(ledger)
+    assert light_rows(evidence) == (
+        ("Light at the stops", "dim 1, dark 1"),
+        ("plants, of full scale", "0.4 to 3.1 %"),
+        ("lamp lit at", "1 of 2"),
+        ("not looked for fruit, light not to be trusted", "1 of 2"),
+    )
+    page = render(evidence, None, None, None)
+    ledger.close()
+    rows = [re.findall(r"<td[^>]*>(.*?)</td>", row) for row in re.findall(r"<tr><td.*?</tr>", page, flags=re.DOTALL)]
+    assert ["4", "dim", "3.1", "20.0", "8.0", "lit", "backlight"] in [row[4:] for row in rows]
+    assert ["4", "dark", "0.4", "20.0", "8.0", "off", "no plants seen"] in [row[4:] for row in rows]
+    assert ["4", "grey 102 of 255"] in [row[4:] for row in rows]
+    assert "not looked for fruit, light not to be trusted" in page
+
+
+def test_a_row_of_an_older_program_has_no_light_to_tell_of(folder: Path) -> None:
+    with LedgerReader.open_read_only(folder / "ledger.sqlite") as ledger:
+        assert light_rows(read_evidence(ledger)) == ()
