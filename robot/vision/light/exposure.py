@@ -59,7 +59,7 @@ def split(product_s: float, bounds: ExposureBounds) -> Setting:
     exposure_s = min(max(product_s, bounds.shortest_s), bounds.longest_s)
     half_s = bounds.half_period_s
     if half_s is not None and exposure_s > half_s:
-        exposure_s = math.floor(exposure_s / half_s + 1e-6) * half_s
+        exposure_s = min(math.floor(exposure_s / half_s + 1e-6) * half_s, bounds.longest_s)
     return Setting(exposure_s, min(max(product_s / exposure_s, 1.0), bounds.greatest_gain))
 
 

@@ -207,6 +207,7 @@ def _fruit(centre_m: Array, left: Circle, right: Circle, rig: StereoRig) -> Frui
         ripeness_score={"red": 1.0, "turning": 0.5, "green": 0.0}[left.ripeness.value],
         confidence=(left.confidence + right.confidence) / 2.0,
         visible_fraction=1.0,
+        measured=True,
         left=left,
         right=right,
     )
