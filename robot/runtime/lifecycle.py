@@ -10,6 +10,8 @@ from dataclasses import dataclass, field
 from datetime import UTC, datetime
 from pathlib import Path
 
+import cv2
+
 from drivers.camera.watched import WatchedCamera
 from drivers.errors import DeviceBusy, DeviceError
 from drivers.twin.machine import Twin
@@ -141,6 +143,7 @@ async def run_robot(
             raise UnavailableError(str(error)) from error
         if options.start:
             require_timed_pulses(devices.relay.capability, config.dosing.max_pulse_s)
+        cv2.setNumThreads(1)  # a second core makes vision hardly faster, and the drivers' threads need it
         detector = detector or make_detector(config.vision.detector)
         ledger.begin_run(uuid.uuid4().hex, datetime.now(UTC))
         dangling = ledger.book_dangling(datetime.now(UTC))

@@ -32,8 +32,9 @@ def true_fruit(x_m: float, *, visible: float = 1.0, ripeness: str = "red", diame
 def found_fruit(centre_m: Any, diameter_m: float = 0.08, covariance_m2: Any = None) -> Fruit:
     circle = Circle(320.0, 240.0, 30.0, Ripeness.RED, 0.9)
     covariance = np.eye(3) * 1e-6 if covariance_m2 is None else covariance_m2
+    sizes = diameter_m, 0.001
     return Fruit(
-        np.asarray(centre_m, dtype=float), covariance, diameter_m, 0.001, Ripeness.RED, 1.0, 0.9, 1.0, True, circle, circle
+        np.asarray(centre_m, dtype=float), covariance, *sizes, Ripeness.RED, 1.0, 0.9, 1.0, True, circle, circle
     )
 
 
