@@ -240,6 +240,7 @@ def calibrate(left: str, right: str, out: Path, *options: str, board: str = "7x5
     return run_command([*base, "--board", board, "--square-m", square, *options])
 
 
+@pytest.mark.long
 def test_a_rig_is_recovered_from_pictures_of_a_board(
     board_images: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -318,6 +319,7 @@ def test_the_rendered_greenhouse_rig_is_recovered(tmp_path: Path) -> None:
     assert np.linalg.inv(rig.world_from_left)[:3, 3] == pytest.approx(pose["t_m"], abs=1.5e-3)
 
 
+@pytest.mark.long
 @needs_shared
 def test_the_real_chessboard_pairs_meet_their_reference(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     images = SHARED / "data/opencv_chessboard"

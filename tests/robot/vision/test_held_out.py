@@ -140,6 +140,7 @@ def point_errors_m(found: StereoRig, true: StereoRig, distance_m: float) -> Arra
     return np.asarray(np.linalg.norm(triangulate(found.P_left, found.P_right, left, right) - points_m, axis=1))
 
 
+@pytest.mark.long
 @needs_chess_set
 def test_the_rendered_set_calibrates_to_the_floor() -> None:
     """Measured at 640x480: 0.14, 0.22, 0.41 mm median and 0.17, 0.30, 0.75 mm at 95 % (before: 0.46, 0.70, 1.05)."""
