@@ -16,6 +16,7 @@ from robot.mission.move import move
 from robot.mission.spray import spray
 from robot.mission.stop import stop
 from robot.mission.transitions import Event, State, next_state
+from robot.safety.failsafe import fault_of
 
 StateTask = Callable[[MissionContext], Awaitable[Event]]
 
@@ -86,7 +87,11 @@ class Mission:
 
     async def _stop_for(self, error: Exception) -> None:
         self._context.publish(Trouble(str(error), self._context.now_s()))
-        await self._context.actuation.stop(f"{self.state}: {error}")
+        text = f"{self.state}: {error}"
+        if isinstance(error, DeviceError):
+            await self._context.actuation.report(fault_of(error.device), text)
+        if self._in_auto():
+            await self._context.actuation.stop(text)
 
     def _in_auto(self) -> bool:
         return self._context.actuation.state.mode is safety.Mode.AUTO

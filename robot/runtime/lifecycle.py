@@ -27,7 +27,7 @@ from robot.mission import Localiser, Mission, MissionContext, MissionSettings, P
 from robot.runtime.backends import BuildOptions, build_devices, needs_twin, require_timed_pulses, watched
 from robot.runtime.devices import Devices, fault_plan, make_twin
 from robot.runtime.recorder import FrameRecorder
-from robot.runtime.resuming import check_resumable, given_by_target_ml, taken_by_hand_ml, task_to_resume
+from robot.runtime.resuming import cells_ml, check_resumable, given_by_target_ml, taken_by_hand_ml, task_to_resume
 from robot.runtime.settings import load_arm, load_camera, load_row, mission_settings, task
 from robot.runtime.signals import StopSignals
 from robot.runtime.upkeep import Poll, Upkeep
@@ -188,7 +188,7 @@ class _Robot:
         """A new task in the ledger, or with ``resume`` the last one and how far it came."""
         if not self._options.resume:
             task_id = self._ledger.begin_task(task)
-            self.actuation.begin_task(task_id, task.tank_fill_ml, 0.0, {})
+            self.actuation.begin_task(task_id, task.tank_fill_ml, safety.Given())
             return task_id
         task_id = task_to_resume(self._ledger, task)
         self._checkpoint = self._ledger.last_checkpoint(task_id)
@@ -197,7 +197,8 @@ class _Robot:
         given_ml = given_by_target_ml(self._ledger, task_id)
         total_ml = sum(given_ml.values())
         left_ml = task.tank_fill_ml - total_ml - taken_by_hand_ml(self._ledger, task_id)
-        self.actuation.begin_task(task_id, left_ml, total_ml, given_ml)
+        given = safety.Given(total_ml, 0.0, tuple(sorted(given_ml.items())), cells_ml(self._progress.book, given_ml))
+        self.actuation.begin_task(task_id, left_ml, given)
         return task_id
 
     def context(self, task_id: int | None, detector: Detector, rig: StereoRig) -> MissionContext | None:

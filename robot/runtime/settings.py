@@ -100,12 +100,16 @@ def limits(config: Config) -> safety.Limits:
     return safety.Limits(
         max_shot_ml=config.safety.max_shot_ml,
         max_target_ml=config.safety.max_target_ml,
+        max_cell_ml=config.safety.max_square_metre_ml,
         max_minute_ml=config.safety.max_minute_ml,
+        max_day_ml=config.safety.max_day_ml,
         max_task_ml=config.task.label_cap_ml,
         max_pulse_s=config.dosing.max_pulse_s,
         max_base_speed_m_s=config.safety.max_base_speed_m_s,
         tank_reserve_ml=config.fluid.tank_reserve_ml,
         min_pressure_bar=config.fluid.pressure_ready_fraction * config.fluid.pump_pressure_bar,
+        battery_low_v=config.safety.battery_low_v,
+        battery_stop_v=config.safety.battery_stop_v,
     )
 
 
