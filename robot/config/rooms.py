@@ -135,7 +135,8 @@ class SafetySection(Section):
     """Caps below the hard envelope of ``robot.safety.limits``, which no configuration can widen.
 
     Below ``battery_low_v`` the machine pauses, below ``battery_stop_v`` it stops; 0 watches nothing. ``self_resume``: a
-    pause ends by itself when its cause is gone and the base stands where it stood.
+    pause ends by itself when its cause is gone and the base stands where it stood; ``longest_pause_s``: then it becomes
+    a stop.
     """
 
     max_shot_ml: Annotated[float, between(0.1, 50.0)]
@@ -147,6 +148,7 @@ class SafetySection(Section):
     battery_low_v: Annotated[float, between(0.0, 100.0)] = 0.0
     battery_stop_v: Annotated[float, between(0.0, 100.0)] = 0.0
     self_resume: bool = True
+    longest_pause_s: Annotated[float, between(1.0, 86_400.0)] = 600.0
 
     @model_validator(mode="after")
     def _battery_ordered(self) -> Self:

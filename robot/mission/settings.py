@@ -70,3 +70,4 @@ class MissionSettings:
     detect_duration_s: float
     plan_duration_s: float = 0.08
     stop_timeout_s: float = 5.0
+    longest_pause_s: float = 600.0

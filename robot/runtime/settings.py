@@ -256,4 +256,5 @@ def mission_settings(config: Config, row: Row, arm: ArmModel) -> MissionSettings
         pressure_ready_bar=config.fluid.pressure_ready_fraction * config.fluid.pump_pressure_bar,
         pressure_timeout_s=config.fluid.pressure_timeout_s,
         detect_duration_s=config.vision.duration_s,
+        longest_pause_s=config.safety.longest_pause_s,
     )
