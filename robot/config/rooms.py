@@ -176,6 +176,7 @@ class NavigationSection(Section):
     datum_latitude_deg: Annotated[float, between(-90.0, 90.0)] | None = None
     datum_longitude_deg: Annotated[float, between(-180.0, 180.0)] | None = None
     datum_heading_rad: Radians = 0.0
+    geofence_m: tuple[tuple[float, float], ...] | None = None
 
     @model_validator(mode="after")
     def _datum_whole(self) -> Self:

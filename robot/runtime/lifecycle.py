@@ -15,6 +15,7 @@ import cv2
 from drivers.camera.watched import WatchedCamera
 from drivers.errors import DeviceBusy, DeviceError
 from drivers.twin.machine import Twin
+from drivers.wheels.values import Odometry
 from robot import safety
 from robot.clock import keep_time
 from robot.config import Config
@@ -216,7 +217,7 @@ class _Robot:
             Poll("gps", "navigation", self._poll_gps, 0.0, 3.0),
             Poll("modem", "telemetry", self._poll_modem, 10.0, 30.0),
         )
-        async with self._upkeep.living(self.localiser.on_odometry, polls) as group:
+        async with self._upkeep.living(self._on_odometry, polls) as group:
             keeping = group.create_task(recorder.run(), name="frame recorder")
             try:
                 state = await self._work(group, context)
@@ -269,6 +270,13 @@ class _Robot:
             )
         except DeviceError as error:
             raise UnavailableError(str(error)) from error
+
+    def _on_odometry(self, odometry: Odometry) -> None:
+        self.localiser.on_odometry(odometry)
+        fence = self._settings.geofence
+        if fence is not None and self.localiser.started:
+            pose, sigma_m = self.localiser.pose, self.localiser.filter.position_sigma_m
+            self.actuation.note_fence(fence.margin_m(pose.x_m, pose.y_m, sigma_m))
 
     async def _poll_gps(self) -> None:
         self.localiser.on_fix(await self._devices.gps.next_fix())

@@ -17,7 +17,7 @@ from robot.errors import ConfigError
 from robot.geometry import Transform, body_from_optical, transform_from_xyz_rpy
 from robot.ledger.values import Task
 from robot.mission import DoseSettings, LightSettings, MissionSettings
-from robot.navigation import Datum, DriveLimits, FixRules, Row, parse_route
+from robot.navigation import Datum, DriveLimits, FixRules, Geofence, Row, parse_route
 from robot.package_files import named_file
 from robot.targets import BookParameters, Policy, RipenessBorders
 from robot.vision.light import ExposureBounds, LampPolicy, LightGoals
@@ -172,6 +172,22 @@ def datum(config: Config) -> Datum | None:
     return Datum(navigation.datum_latitude_deg, navigation.datum_longitude_deg, navigation.datum_heading_rad)
 
 
+def geofence(config: Config, row: Row) -> Geofence | None:
+    """The area that the base must not leave; ``ConfigError`` when it is no polygon, or the row is not inside."""
+    if config.navigation.geofence_m is None:
+        return None
+    try:
+        fence = Geofence(config.navigation.geofence_m)
+    except ValueError as error:
+        raise ConfigError(f"navigation.geofence_m: {error}") from error
+    for x_m in (0.0, *(stop.x_m for stop in row.stops)):
+        if fence.margin_m(x_m, 0.0) <= 0.0:
+            raise ConfigError(
+                f"navigation.geofence_m: row '{row.name}' leaves it at x = {x_m:g} m; correct the corners"
+            )
+    return fence
+
+
 def supports(config: Config, row: Row) -> tuple[tuple[float, float], ...]:
     """(x, y) of every string or cane of the row, row frame."""
     y_m = config.plants.stem_distance_m * (1.0 if row.side == "left" else -1.0)
@@ -256,5 +272,6 @@ def mission_settings(config: Config, row: Row, arm: ArmModel) -> MissionSettings
         pressure_ready_bar=config.fluid.pressure_ready_fraction * config.fluid.pump_pressure_bar,
         pressure_timeout_s=config.fluid.pressure_timeout_s,
         detect_duration_s=config.vision.duration_s,
+        geofence=geofence(config, row),
         longest_pause_s=config.safety.longest_pause_s,
     )
