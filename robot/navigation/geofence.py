@@ -30,8 +30,8 @@ class Geofence:
             for k in range(i + 2, len(edges)):
                 if (i, k) != (0, len(edges) - 1) and _cross(first, edges[k]):
                     raise ValueError(
-                        f"the geofence crosses itself: the sides from corner {i + 1} and from corner {k + 1} meet; give "
-                        "the corners in order round the area"
+                        f"the geofence crosses itself: the sides from corner {i + 1} and from corner {k + 1} meet; "
+                        "give the corners in order round the area"
                     )
         if self.area_m2 < SMALLEST_M2:
             raise ValueError(f"the geofence encloses {self.area_m2:.3f} m2, expected at least {SMALLEST_M2} m2")
