@@ -5,17 +5,17 @@ read and asked for, kept here in plain words and sums.
 """
 
 import math
+from collections import Counter
 from dataclasses import replace
 
 from hypothesis import settings
 from hypothesis import strategies as st
-from hypothesis.stateful import RuleBasedStateMachine, invariant, precondition, rule
+from hypothesis.stateful import RuleBasedStateMachine, initialize, invariant, precondition, rule
 
 from robot.safety import (
     CATALOGUE,
     Action,
     Clear,
-    Decision,
     Given,
     Mode,
     MotionRequest,
@@ -36,7 +36,9 @@ from robot.safety import (
 from tests.robot.safety.test_envelope import GOOD, LIMITS
 
 KINDS = {kind.id: kind for kind in CATALOGUE}
+READERS = ("sensors_s", "odometry_s", "arm_s", "relay_s")
 CELLS = [(0, 0), (1, 0)]
+PASSING = sorted(kind.id for kind in CATALOGUE if kind.action < Action.PAUSE)
 READINGS = [
     {"estop_pressed": True}, {"bumper_pressed": True}, {"tilt_rad": 0.3}, {"tilt_rad": 0.5}, {"pressure_bar": 1.0},
     {"base_speed_m_s": 0.2}, {"base_commanded": True}, {"moved_since_frame_m": 0.01}, {"arm_settled": False},
@@ -45,6 +47,7 @@ READINGS = [
     {"pump_coil": True},
 ]  # fmt: skip
 GUARDED = replace(LIMITS, battery_low_v=22.8, battery_stop_v=21.6)
+REACHED: Counter[str] = Counter()
 HOLDERS = st.sampled_from(["tablet", "phone"])
 
 
@@ -52,7 +55,7 @@ class SafetyMachine(RuleBasedStateMachine):
     def __init__(self) -> None:
         super().__init__()
         self.now_s = 1000.0
-        self.ages_s = dict.fromkeys(("sensors_s", "odometry_s", "arm_s", "relay_s"), 0.0)
+        self.ages_s = dict.fromkeys(READERS, 0.0)
         self.change: dict[str, object] = {}
         self.state = SafetyState(given=Given(900.0, 1900.0, ((1, 12.0),), ((CELLS[0], 30.0),)))
 
@@ -62,15 +65,30 @@ class SafetyMachine(RuleBasedStateMachine):
 
     # --- what happens -----------------------------------------------------------------------------------------
 
-    @rule(seconds=st.sampled_from([0.05, 0.3, 0.6, 2.0, 6.0, 61.0]))
+    @initialize(verb=st.sampled_from([Verb.START, Verb.START, Verb.OPERATE]))
+    def it_begins_with_a_machine_that_is_up(self, verb):
+        self.the_machine_is_brought_up(verb)
+
+    @rule(verb=st.sampled_from([Verb.START, Verb.START, Verb.OPERATE]))
+    def the_machine_is_brought_up(self, verb):
+        """As a person would: all well, faults acknowledged, armed, started."""
+        self.ages_s, self.change = dict.fromkeys(self.ages_s, 0.0), {}
+        for fault in self.state.faults:
+            self.state = clear_fault(self.state, fault.id)
+        for step in (Verb.RESET, Verb.ACKNOWLEDGE, Verb.DISARM, Verb.ACKNOWLEDGE, Verb.ARM, verb):
+            self.state, _ = change_mode(self.state, step, "", self.inputs, self.now_s)
+        self.state, _ = take_lease(self.state, "tablet", self.now_s, take_over=True)
+        assert self.state.mode is (Mode.AUTO if verb is Verb.START else Mode.MANUAL)
+
+    @rule(seconds=st.sampled_from([0.05, 0.05, 0.05, 0.3, 0.6, 6.0, 61.0]))
     def time_passes(self, seconds):
         self.now_s += seconds
 
-    @rule(name=st.sampled_from(["sensors_s", "odometry_s", "arm_s", "relay_s"]), age_s=st.sampled_from([0.0, 0.0, 2.0]))
+    @rule(name=st.sampled_from(READERS), age_s=st.sampled_from([0.0, 0.0, 0.0, 2.0]))
     def a_reading_ages(self, name, age_s):
         self.ages_s[name] = age_s
 
-    @rule(change=st.sampled_from([{}, {}, {}, *READINGS]))
+    @rule(change=st.sampled_from([*len(READINGS) * [{}], *READINGS]))
     def readings_change(self, change):
         self.change = change
 
@@ -80,7 +98,7 @@ class SafetyMachine(RuleBasedStateMachine):
         self.state = watch(before, self.inputs, GUARDED, self.now_s)
         self.no_step_towards_motion(before)
 
-    @rule(fault_id=st.sampled_from(sorted(KINDS)))
+    @rule(fault_id=st.sampled_from([*sorted(KINDS), *3 * PASSING]))
     def a_fault_is_reported(self, fault_id):
         before = self.state
         self.state = report_fault(before, fault_id, "reported", self.now_s)
@@ -98,7 +116,7 @@ class SafetyMachine(RuleBasedStateMachine):
         if gone and before.mode is not Mode.DISARMED:  # P16
             assert KINDS[fault_id].clears is Clear.GONE
 
-    @rule(verb=st.sampled_from([*Verb, Verb.ACKNOWLEDGE, Verb.ARM, Verb.ARM, Verb.START, Verb.START, Verb.OPERATE]))
+    @rule(verb=st.sampled_from([*Verb, Verb.ACKNOWLEDGE, Verb.RESUME, Verb.RESUME_SELF, Verb.ARM, Verb.START]))
     def an_operator_asks(self, verb):
         before = self.state
         self.state, decision = change_mode(before, verb, "asked", self.inputs, self.now_s)
@@ -144,6 +162,7 @@ class SafetyMachine(RuleBasedStateMachine):
         if not decision.allowed:
             assert self.state is before
             return
+        REACHED["shots"] += 1
         self.may_act(Action.INHIBIT_SPRAY)
         inputs = self.inputs
         assert inputs.arm_settled  # P5
@@ -164,6 +183,7 @@ class SafetyMachine(RuleBasedStateMachine):
         request = MotionRequest(part, speed if part == "base" else 0.0)
         decision = authorise_motion(self.state, self.inputs, request, GUARDED, self.now_s)
         if decision.allowed:
+            REACHED["motions"] += 1
             self.may_act(Action.PAUSE)
             assert not self.inputs.valve_coil
             assert not any(booking.pending for booking in self.state.bookings)
@@ -247,6 +267,6 @@ TestSafety.settings = settings(
 )
 
 
-def test_decisions_without_reasons_are_allowed():
-    assert Decision(()).allowed
-    assert not Decision(("no",)).allowed
+def test_the_machine_above_came_to_shots_and_motions():
+    assert REACHED["shots"] > 50
+    assert REACHED["motions"] > 50
