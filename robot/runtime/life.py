@@ -7,6 +7,7 @@ from contextlib import AsyncExitStack
 
 from drivers.camera.watched import WatchedCamera
 from drivers.errors import DeviceError
+from drivers.wheels.values import Odometry
 from robot import safety
 from robot.config import Config
 from robot.control import ControlSocket, serve
@@ -47,7 +48,7 @@ class Life:
         self._upkeep = Upkeep(config, devices, ledger, self._mode_changed, self._trouble)
         self.actuation = self._upkeep.actuation
         self.tasks = Tasks(ledger, self.actuation, today, remembers)
-        self._rows = Rows(self.tasks, self._context)
+        self._rows = Rows(self._context)
         self._operations = Operations(
             config.robot.name, today, len(settings.row.stops), self._upkeep, self.tasks, self._rows, ledger,
             self._localiser, bus, self._lamp, self._place, self.check_board, self._trouble,
@@ -65,7 +66,7 @@ class Life:
             Poll("gps", "navigation", self._poll_gps, 0.0, 3.0),
             Poll("modem", "telemetry", self._poll_modem, 10.0, 30.0),
         )
-        async with self._upkeep.living(self._localiser.on_odometry, polls) as group:
+        async with self._upkeep.living(self._on_odometry, polls) as group:
             supervisor = self._upkeep.supervisor
             assert supervisor is not None
             recording = supervisor.keep("frame recorder", "runtime", recorder.run)
@@ -132,6 +133,13 @@ class Life:
         if isinstance(camera, WatchedCamera) and (found := camera.watch.misalignment) is not None:
             text = f"calibration {found.verdict()}: {found}"
             self._ledger.record_event("camera", text, asyncio.get_running_loop().time())
+
+    def _on_odometry(self, odometry: Odometry) -> None:
+        self._localiser.on_odometry(odometry)
+        fence = self._settings.geofence
+        if fence is not None and self._localiser.started:
+            pose, sigma_m = self._localiser.pose, self._localiser.filter.position_sigma_m
+            self.actuation.note_fence(fence.margin_m(pose.x_m, pose.y_m, sigma_m))
 
     async def _poll_gps(self) -> None:
         self._localiser.on_fix(await self._devices.gps.next_fix())

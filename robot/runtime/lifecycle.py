@@ -95,7 +95,8 @@ async def run_robot(
         opened = None
         if options.start:
             life.check_board()
-            opened = await (life.tasks.go_on() if options.resume else life.tasks.begin())
+            opened = life.tasks.open(options.resume)
+            life.tasks.adopt(opened)
         if not config.simulated:
             keep_time()
         bus.publish(

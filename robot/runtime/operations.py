@@ -5,7 +5,6 @@ from __future__ import annotations
 import asyncio
 from collections import Counter
 from collections.abc import Callable
-from typing import Any
 
 from drivers.errors import DeviceError
 from robot import safety
@@ -78,7 +77,7 @@ class Operations:
             mode=state.mode,
             mode_since_s=self._mode_since_s,
             causes=state.causes,
-            faults=_faults(state),
+            faults=tuple(FaultNow(fault.id, fault.text, fault.since_s) for fault in state.faults),
             mission=self._mission_now(),
             ledger=await self._ledger_now(),
             tank_left_ml=self._actuation.tank_left_ml if self._tasks.current is not None else None,
@@ -128,7 +127,7 @@ class Operations:
     async def arm(self, cause: str) -> None:
         """Contactor and torque on, then arm; off again when it is refused."""
         self._demand_possible(Verb.ARM)
-        await self._at_rest()
+        await self._wound_down()
         reasons: tuple[str, ...] = ()
         try:
             await self._actuation.energise(self._lamp)
@@ -153,11 +152,13 @@ class Operations:
         )  # fmt: skip
 
     async def start(self, plan: Plan, cause: str) -> int:
-        await self._at_rest()
+        await self._wound_down()
         now = await self.plan(TaskChoice.NEW if plan.task is None else TaskChoice.RESUME)
         if differences := changed(plan, now):
             raise Declined(*differences, "ask for a new plan")
-        task = await self._tasks.open(plan)
+        resume = plan.task is not None
+        task = await work(lambda: self._tasks.open(resume), LEDGER_WRITE_S)
+        self._tasks.adopt(task)
         return self._begin(task, cause)
 
     def _begin(self, task: OpenTask, cause: str) -> int:
@@ -172,17 +173,9 @@ class Operations:
         return task.id
 
     async def pause(self, cause: str) -> None:
-        """Valve shut, base halted, arm held, until somebody resumes."""
-        self._demand(self._actuation.change_mode(Verb.PAUSE, cause))
-        try:
-            await self._actuation.halt_base()
-        except DeviceError as error:
-            await self._actuation.stop(f"the base does not halt for a pause: {error}")
-            raise
-        await self._at_rest()
+        self._demand(await self._actuation.pause(cause))
 
     async def resume(self, cause: str) -> None:
-        await self._at_rest()
         self._demand(self._actuation.change_mode(Verb.RESUME, cause))
 
     async def acknowledge(self, cause: str) -> None:
@@ -193,22 +186,18 @@ class Operations:
 
     async def disarm(self, cause: str) -> None:
         """Out of any mode but a latched one: what moves is halted, every output off, the arm holds."""
-        self._demand(self._actuation.change_mode(Verb.DISARM, cause))
-        try:
-            await self._actuation.halt_base()
-        except DeviceError as error:
-            self._on_trouble(f"base: {error}")
+        self._demand(await self._actuation.disarm(cause))
         await self._de_energise()
-        await self._at_rest()
+        await self._wound_down()
 
     async def _unlatch(self, verb: Verb, cause: str) -> None:
         self._demand_possible(verb)
-        await self._at_rest()
+        await self._wound_down()
         self._demand(self._actuation.change_mode(verb, cause))
         await self._de_energise()
 
-    async def _at_rest(self) -> None:
-        if not await self._rows.at_rest():
+    async def _wound_down(self) -> None:
+        if not await self._rows.wound_down():
             raise Declined("the mission is still winding down; look for a device that does not answer")
 
     async def _de_energise(self) -> None:
@@ -225,7 +214,3 @@ class Operations:
         if not decision.allowed:
             raise Declined(*decision.reasons, *self._actuation.state.causes)
 
-
-def _faults(state: safety.SafetyState) -> tuple[FaultNow, ...]:
-    active: tuple[Any, ...] = getattr(state, "faults", ())
-    return tuple(FaultNow(fault.id, fault.text, fault.since_s) for fault in active)

@@ -4,14 +4,15 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
+from robot import safety
 from robot.actuation import LEDGER_WRITE_S, Actuation
 from robot.clock import work
-from robot.control import Declined, Plan, TaskChoice
+from robot.control import Declined, TaskChoice
 from robot.errors import ConfigError, UsageError
 from robot.ledger import Ledger
 from robot.ledger.values import Checkpoint, Task
-from robot.mission import Progress, State
-from robot.runtime.resuming import BY_HAND, given_by_target_ml, taken_by_hand_ml, task_to_resume
+from robot.mission import Progress, State, rewound
+from robot.runtime.resuming import BY_HAND, cells_ml, given_by_target_ml, taken_by_hand_ml, task_to_resume
 from robot.targets import book_of
 
 
@@ -19,8 +20,8 @@ from robot.targets import book_of
 class OpenTask:
     """A task as this life works on it.
 
-    ``checkpoint`` is where an earlier life left the rover; ``placed`` that this life knows where it stands; ``done`` that
-    the row came to its end.
+    ``checkpoint`` is where an earlier life left the rover; ``placed`` that this life knows where it stands; ``done``
+    that the row came to its end. ``left_ml`` and ``given`` are the tank and what counts for the caps when it is opened.
     """
 
     id: int
@@ -28,6 +29,8 @@ class OpenTask:
     checkpoint: Checkpoint | None = None
     placed: bool = False
     done: bool = False
+    left_ml: float = 0.0
+    given: safety.Given = field(default_factory=safety.Given)
 
 
 class Tasks:
@@ -37,33 +40,22 @@ class Tasks:
         self._ledger, self._actuation, self._today, self._remembers = ledger, actuation, today, remembers
         self.current: OpenTask | None = None
 
-    async def begin(self) -> OpenTask:
-        """A new task, with a full tank, at the row's start."""
-        task_id = await work(lambda: self._ledger.begin_task(self._today), LEDGER_WRITE_S)
-        self._actuation.begin_task(task_id, self._today.tank_fill_ml, 0.0, {})
-        self.current = OpenTask(task_id)
-        return self.current
-
-    async def go_on(self) -> OpenTask:
-        """The unfinished task of this life, or the newest of an earlier one, as the ledger knows it."""
+    def open(self, resume: bool) -> OpenTask:
+        """A new task, with a full tank, at the row's start; or the unfinished one of this life, or the newest of an
+        earlier one, as the ledger knows it. Reads and writes the ledger: not for the loop of a machine that moves."""
+        if not resume:
+            return OpenTask(self._ledger.begin_task(self._today), left_ml=self._today.tank_fill_ml)
         task = self.current
         if task is None or task.done:
-            task = await work(self._reopen, LEDGER_WRITE_S)
-            number = task.id
-            given_ml, by_hand_ml = await work(lambda: self._given_ml(number), LEDGER_WRITE_S)
-            total_ml = sum(given_ml.values())
-            left_ml = self._today.tank_fill_ml - total_ml - by_hand_ml
-            self._actuation.begin_task(task.id, left_ml, total_ml, given_ml)
-            self.current = task
-        await self.rewind(task)
+            task = self._reopen()
+        rewound(task.progress, self._ledger, task.id)
         return task
 
-    async def rewind(self, task: OpenTask) -> None:
-        """To the beginning of the stop at which it was halted, with every target's fate as the ledger has it: what was
-        sprayed, or may have been, is not sprayed again."""
-        targets = await work(lambda: self._ledger.targets(task.id), LEDGER_WRITE_S)
-        task.progress.book = book_of(targets)
-        task.progress.stop = max(0, task.progress.stop - 1)
+    def adopt(self, task: OpenTask) -> None:
+        """Make it the task that is sprayed for. Of one that was so before, safety remembers what was given."""
+        if task is not self.current:
+            self._actuation.begin_task(task.id, task.left_ml, task.given)
+            self.current = task
 
     async def plan(self, choice: TaskChoice) -> tuple[int | None, int, float, float]:
         """(the task to go on with or None, its first stop, millilitres in the tank, millilitres the label leaves)."""
@@ -85,9 +77,6 @@ class Tasks:
             stop, left_ml = (checkpoint.stop if checkpoint else 0), self._today.tank_fill_ml - total_ml - by_hand_ml
         return number, max(1, stop), left_ml, self._today.label_cap_ml - total_ml
 
-    async def open(self, plan: Plan) -> OpenTask:
-        return await self.begin() if plan.task is None else await self.go_on()
-
     def _unfinished(self) -> int | None:
         """The newest task of a row whose mission did not come to its end; None when there is none."""
         if self.current is not None:
@@ -102,7 +91,16 @@ class Tasks:
     def _reopen(self) -> OpenTask:
         task_id = task_to_resume(self._ledger, self._today)
         checkpoint = self._ledger.last_checkpoint(task_id)
-        return OpenTask(task_id, Progress(stop=checkpoint.stop if checkpoint else 0), checkpoint)
+        given_ml, by_hand_ml = self._given_ml(task_id)
+        total_ml = sum(given_ml.values())
+        cells = cells_ml(book_of(self._ledger.targets(task_id)), given_ml)
+        return OpenTask(
+            task_id,
+            Progress(stop=checkpoint.stop if checkpoint else 0),
+            checkpoint,
+            left_ml=self._today.tank_fill_ml - total_ml - by_hand_ml,
+            given=safety.Given(total_ml, 0.0, tuple(sorted(given_ml.items())), cells),
+        )
 
     def _given_ml(self, task_id: int) -> tuple[dict[int, float], float]:
         return given_by_target_ml(self._ledger, task_id), taken_by_hand_ml(self._ledger, task_id)
