@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import logging
 import signal
 import sys
 
@@ -22,11 +21,14 @@ from robot.commands.emulate import emulate
 from robot.commands.gps import app as gps
 from robot.commands.home import home
 from robot.commands.jog import app as jog
+from robot.commands.order import VERBS, start, stop, verb
 from robot.commands.report import report
 from robot.commands.run import run
 from robot.commands.spray import spray
+from robot.commands.status import status
 from robot.commands.trace import trace
 from robot.errors import BusyError, FileError, SprayerError, UnavailableError, UsageError
+from robot.logs import set_up_logs
 from robot.runtime.signals import STOPPING
 
 _FILE = FileError.exit_code
@@ -38,6 +40,9 @@ app.command()(doctor)
 app.command()(emulate)
 app.command()(detect)
 app.command()(report)
+app.command()(status)
+app.command()(stop)
+app.command()(start)
 app.add_typer(arm, name="arm")
 app.add_typer(calibrate, name="calibrate")
 app.add_typer(config, name="config")
@@ -46,6 +51,9 @@ app.add_typer(jog, name="jog")
 app.command()(spray)
 app.command()(trace)
 arm.command("home")(home)
+for _name, _help in VERBS.items():
+    if _name != "arm":
+        app.command(_name)(verb(_name, _help))
 calibrate.command("check")(calibrate_check)
 calibrate.command("flow")(calibrate_flow)
 calibrate.command("hand-eye")(calibrate_hand_eye)
@@ -53,7 +61,7 @@ calibrate.command("hand-eye")(calibrate_hand_eye)
 
 def main() -> None:
     """Run a command. Errors become one line on stderr and the exit code of their kind (docs/exit-codes.md)."""
-    logging.basicConfig(level=logging.WARNING, format="%(levelname)s %(name)s: %(message)s")
+    set_up_logs()
     code = _exit_code(sys.argv[1:])
     for number in STOPPING:
         signal.signal(number, signal.SIG_IGN)  # all is done: a late signal does not change the outcome

@@ -60,6 +60,12 @@ def set_up_logs(
     return handler
 
 
+def journal_handler() -> LimitedHandler | None:
+    """The handler that ``set_up_logs`` made, when it writes to a journal."""
+    handlers = [each for each in logging.getLogger().handlers if isinstance(each, LimitedHandler)]
+    return next((each for each in handlers if isinstance(each.formatter, JournalLines)), None)
+
+
 class PlainLines(logging.Formatter):
     """``WARNING robot.runtime: message key=value``."""
 

@@ -69,7 +69,8 @@ class LiveView:
                     f"booked as its full pulse, {intent.full_ml:.1f} ml"
                 )
             if event.waiting:
-                self._say("up, disarmed, waiting (Ctrl-C ends)")
+                orders = f"orders at {event.control}" if event.control else "virtual time: no control socket"
+                self._say(f"up, disarmed, waiting (Ctrl-C ends); {orders}")
         elif isinstance(event, ModeChanged):
             self._mode = str(event.mode)
             if event.causes:

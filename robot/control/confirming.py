@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import secrets
 from collections.abc import Callable
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 
 from robot.control.machine import Declined, Plan
 
 TOKEN_LIVES_S = 120.0
+MAY_WANDER_M = 0.2
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,7 +44,9 @@ class Offers:
 
 
 def changed(before: Plan, now: Plan) -> tuple[str, ...]:
-    """A line for each thing that is not as it was planned."""
+    """A line for each thing that is not as it was planned. The pose may wander as it does while the rover stands."""
+    if abs(now.x_m - before.x_m) <= MAY_WANDER_M:
+        now = replace(now, x_m=before.x_m)
     return tuple(
         f"{field.name.replace('_', ' ')} was {getattr(before, field.name)} and is {getattr(now, field.name)} now"
         for field in fields(Plan)
