@@ -83,7 +83,7 @@ class Supervisor:
         for task in self._tasks.values():
             if task.state is Health.FAILED:
                 return f"{task.name} ({task.owner}): {task.last_error}"
-            between_tries_s = LONGEST_RETRY_S if task.errors else 0.0
+            between_tries_s = LONGEST_RETRY_S if task.alive_s > task.beat_s else 0.0
             silent_s = now_s - task.alive_s
             if task.state is not Health.STOPPED and silent_s > task.longest_silence_s + between_tries_s:
                 return f"{task.name} ({task.owner}): no sign of life for {silent_s:.1f} s"

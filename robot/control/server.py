@@ -24,6 +24,8 @@ from robot.logs import fields
 
 LONGEST_CONNECTION_S = 30.0  # a connection is good for one request, whatever its client does
 CONNECTIONS_MAX = 32
+IDLE_S = 5.0    # for the request to begin
+LINGER_S = 0.5  # for the rest of a request that was answered already
 STOP_BODY_S = 0.05  # how long a stop waits to learn its cause
 SHUTDOWN_S = 0.5
 BY_API = "over the control socket"
@@ -38,7 +40,11 @@ async def serve(machine: Machine, listening: ControlSocket) -> AsyncIterator[Non
     """Answer at the socket for as long as the block lasts. Needs a loop in real time."""
     loop = asyncio.get_running_loop()
     runner = web.AppRunner(
-        Api(machine, loop.time).application(), access_log=None, shutdown_timeout=SHUTDOWN_S, keepalive_timeout=5.0
+        Api(machine, loop.time).application(),
+        access_log=None,
+        shutdown_timeout=SHUTDOWN_S,
+        keepalive_timeout=IDLE_S,
+        lingering_time=LINGER_S,
     )
     await runner.setup()
     assert runner.server is not None

@@ -49,9 +49,10 @@ class Life:
         self.actuation = self._upkeep.actuation
         self.tasks = Tasks(ledger, self.actuation, today, remembers)
         self._rows = Rows(self._context)
-        self._operations = Operations(
+        self.operations = Operations(
             config.robot.name, today, len(settings.row.stops), self._upkeep, self.tasks, self._rows, ledger,
             self._localiser, bus, self._lamp, self._place, self.check_board, self._trouble,
+            devices.ports.counts,
         )  # fmt: skip
 
     def check_board(self) -> None:
@@ -73,8 +74,8 @@ class Life:
             async with AsyncExitStack() as stack:
                 stack.callback(recording.cancel)
                 if control is not None:
-                    supervisor.poll("loop lateness", "runtime", self._operations.loop_lateness.tick, 0.0, float("inf"))
-                    await stack.enter_async_context(serve(self._operations, control))
+                    supervisor.poll("loop lateness", "runtime", self.operations.loop_lateness.tick, 0.0, float("inf"))
+                    await stack.enter_async_context(serve(self.operations, control))
                 await self._work(group, supervisor)
         recorder.write_rest()
         self._keep_alignment()
@@ -149,7 +150,7 @@ class Life:
 
     def _mode_changed(self, state: safety.SafetyState) -> None:
         self._bus.publish(ModeChanged(state.mode, state.causes, asyncio.get_running_loop().time()))
-        self._operations.mode_changed(state)
+        self.operations.mode_changed(state)
 
     def _trouble(self, text: str) -> None:
         self._bus.publish(Trouble(text, asyncio.get_running_loop().time()))

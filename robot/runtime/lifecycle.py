@@ -99,10 +99,9 @@ async def run_robot(
             life.tasks.adopt(opened)
         if not config.simulated:
             keep_time()
-        bus.publish(
-            RunBegan(opened.id if opened else None, dangling, not options.start, len(row.stops), options.control
-                     if control else None)
-        )
+        place = options.control if control is not None else None
+        began = opened.id if opened is not None else None
+        bus.publish(RunBegan(began, dangling, not options.start, len(row.stops), life.operations, place))
         state = await life.live(control)
         safe, last = life.actuation.state, life.tasks.current
         return RunResult(

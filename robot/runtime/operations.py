@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import asyncio
 from collections import Counter
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 
 from drivers.errors import DeviceError
 from robot import safety
@@ -46,12 +46,12 @@ class Operations:
     def __init__(
         self, name: str, today: Task, stops: int, upkeep: Upkeep, tasks: Tasks, rows: Rows, ledger: Ledger,
         localiser: Localiser, bus: Bus, lamp: bool, place: Callable[[OpenTask], None], check: Callable[[], None],
-        on_trouble: Callable[[str], None],
+        on_trouble: Callable[[str], None], count_ports: Callable[[], Mapping[str, Mapping[str, int]]],
     ) -> None:  # fmt: skip
         self._name, self._today, self._stops, self._lamp = name, today, stops, lamp
         self._upkeep, self._tasks, self._rows = upkeep, tasks, rows
         self._ledger, self._localiser = ledger, localiser
-        self._place, self._check, self._on_trouble = place, check, on_trouble
+        self._place, self._check, self._on_trouble, self._count_ports = place, check, on_trouble, count_ports
         self._entered = bus.subscribe(StateEntered, newest_only=True)
         self._last_entered: StateEntered | None = None
         self._mode, self._mode_since_s, self._mode_changes = Mode.DISARMED, 0.0, 0
@@ -89,7 +89,7 @@ class Operations:
         return self.loop_lateness.counts
 
     def ports(self) -> tuple[PortCounts, ...]:
-        return ()
+        return tuple(PortCounts(device, counts) for device, counts in self._count_ports().items())
 
     def _mission_now(self) -> MissionNow:
         for entered in self._entered.drain():

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from robot import safety
+from robot.control import Machine
 from robot.ledger.values import Dangling
 from robot.mission import State
 
@@ -54,13 +55,14 @@ class ModeChanged:
 
 @dataclass(frozen=True, slots=True)
 class RunBegan:
-    """Published once the robot is up. ``waiting`` when it stays disarmed; ``control`` where it takes orders, None in
-    virtual time."""
+    """Published once the devices are open. ``machine`` takes orders from now on; ``waiting`` when it stays disarmed;
+    ``control`` is the socket at which it takes them from other programs, None in virtual time."""
 
     task_id: int | None
     dangling: tuple[Dangling, ...]
     waiting: bool
     stops: int
+    machine: Machine
     control: Path | None = None
 
 
