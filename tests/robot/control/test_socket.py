@@ -13,10 +13,13 @@ import pytest
 from prometheus_client.parser import text_string_to_metric_families
 
 from drivers.twin.truth_record import read_truth
+from robot.clock import run_real
 from robot.control import ControlSocket, ask, find_socket, socket_path
 from robot.errors import BusyError, ConfigError, FileError, UnavailableError
+from robot.events import Bus
 from robot.ledger import LedgerReader, Outcome
-from robot.runtime import ledger_path
+from robot.runtime import RunOptions, StopSignals, ledger_path, run_robot
+from tests.robot.mission.rover import DEMO, configuration, simulated
 
 from .living import Living, living
 
@@ -232,9 +235,14 @@ def test_a_dead_robots_socket_is_taken_over_and_goes_with_its_robot(tmp_path):
     assert not path.exists()
 
 
-def test_a_second_robot_is_refused_before_anything_is_armed(robot):
+def test_a_second_robot_is_refused_before_any_device_is_asked(robot, tmp_path):
+    config = configuration(tmp_path, (0.25,), 0.5, "left", {})
+    options = RunOptions(DEMO, tmp_path / "run", True, False, tmp_path / "truth.jsonl", control=robot.path)
+    twin = simulated(config, options, ())
     with pytest.raises(BusyError, match=r"control\.sock: a robot answers here already"):
-        ControlSocket.open(robot.path)
+        run_real(run_robot(config, options, Bus(), twin=twin, signals=StopSignals()))
+    twin.close_truth()
+    assert read_truth(tmp_path / "truth.jsonl").processes[-1].commands == ()
     assert robot.get("/v1/status").body["mode"] == "disarmed"
 
 
