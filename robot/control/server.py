@@ -147,7 +147,7 @@ class Api:
             note = f"stopped, though: {error}"
         except (TimeoutError, OSError):
             note = "stopped without waiting for the rest of the request"
-        _log.warning("asked to stop", extra=fields(cause=cause))
+        _log.info("asked to stop", extra=fields(cause=cause))
         parts = await asyncio.shield(asyncio.ensure_future(self._machine.stop(cause)))
         answer: dict[str, Any] = {"parts": [asdict(part) for part in parts]}
         return web.json_response(answer | ({"note": note} if note else {}))
