@@ -19,10 +19,11 @@ from robot.ledger.values import Task
 from robot.mission import Localiser, MissionContext, MissionSettings, State, Trouble
 from robot.runtime.backends import require_timed_pulses
 from robot.runtime.devices import Devices
-from robot.runtime.operations import Operations
+from robot.runtime.operations import Operations, Ways
 from robot.runtime.recorder import FrameRecorder
 from robot.runtime.rows import Rows
 from robot.runtime.signals import StopSignals
+from robot.runtime.state_report import StateReport
 from robot.runtime.tasks import OpenTask, Tasks
 from robot.runtime.upkeep import Poll, Upkeep
 from robot.runtime.values import ModeChanged, RunOptions, frames_folder
@@ -49,10 +50,13 @@ class Life:
         self.actuation = self._upkeep.actuation
         self.tasks = Tasks(ledger, self.actuation, today, remembers)
         self._rows = Rows(self._context)
+        stops = len(settings.row.stops)
+        self._report = StateReport(
+            config.robot.name, stops, self._upkeep, self.tasks, ledger, devices.ports, bus
+        )
         self.operations = Operations(
-            config.robot.name, today, len(settings.row.stops), self._upkeep, self.tasks, self._rows, ledger,
-            self._localiser, bus, self._lamp, self._place, self.check_board, self._trouble,
-            devices.ports.counts,
+            today, stops, self._lamp, self._upkeep, self.tasks, self._rows, self._localiser, self._report,
+            Ways(self._place, self.check_board, self._trouble),
         )  # fmt: skip
 
     def check_board(self) -> None:
@@ -74,7 +78,7 @@ class Life:
             async with AsyncExitStack() as stack:
                 stack.callback(recording.cancel)
                 if control is not None:
-                    supervisor.poll("loop lateness", "runtime", self.operations.loop_lateness.tick, 0.0, float("inf"))
+                    supervisor.poll("loop lateness", "runtime", self._report.lateness.tick, 0.0, float("inf"))
                     await stack.enter_async_context(serve(self.operations, control))
                 await self._work(group, supervisor)
         recorder.write_rest()
