@@ -14,10 +14,10 @@ from rich.console import Console
 from rich.text import Text
 
 from drivers.twin.truth_record import TruthRecord
+from robot.client import socket_path
 from robot.commands.report import load_truth, result_table, write_report
 from robot.commands.run import ConfigOption, SeedOption, SpeedOption, load_with_seed, run_with_view
 from robot.config import Config
-from robot.control import socket_path
 from robot.errors import FileError, UsageError
 from robot.ledger import LedgerReader
 from robot.ledger.lock import LedgerLock

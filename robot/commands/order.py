@@ -10,9 +10,8 @@ from typing import Annotated, Any
 
 import typer
 
+from robot.client import Answer, ask, find_socket, socket_path
 from robot.commands.terminal import Answers
-from robot.config import load_config
-from robot.control import Answer, ask, find_socket, socket_path
 from robot.errors import SprayerError, UsageError
 
 SERVICE_SOCKET = Path("/run/sprayer/control.sock")
@@ -33,7 +32,11 @@ def socket_of(socket: Path | None, config: Path | None) -> Path:
     """Where the robot answers: at the socket that is named, or else in its run directory, or as the service."""
     if socket is not None:
         return find_socket((socket,))
-    places = [] if config is None else [socket_path(load_config(config).robot.run_directory, {})]
+    places = []
+    if config is not None:
+        from robot.config import load_config  # takes longer to load than a stop may take
+
+        places.append(socket_path(load_config(config).robot.run_directory, {}))
     if os.environ.get("RUNTIME_DIRECTORY"):
         places.append(socket_path(Path(), os.environ))
     return find_socket((*places, SERVICE_SOCKET))
@@ -95,10 +98,17 @@ def verb(name: str, help_text: str) -> Callable[..., int]:
 
 
 VERBS = {
-    "arm": "Contactor and torque on; ready to start, nothing moves.",
     "pause": "Valve shut, base halted, arm held, until somebody resumes.",
     "resume": "Go on after a pause.",
     "acknowledge": "The cause of a stop was seen to: disarmed again.",
     "reset": "After an emergency stop, with the button released: disarmed again.",
     "disarm": "Halt, every output off.",
 }
+
+
+def add_to(app: typer.Typer) -> None:
+    """Every order but ``arm``, which the servos' commands hold, and ``status``."""
+    app.command()(stop)
+    app.command()(start)
+    for name, help_text in VERBS.items():
+        app.command(name)(verb(name, help_text))

@@ -15,11 +15,11 @@ from typing import Annotated, Any
 import typer
 
 from robot.atomic_file import atomic_file
+from robot.client import socket_path
 from robot.clock import RealClockLoop, run_real, run_virtual
 from robot.commands.event_log import EventLog
 from robot.commands.live import LiveView
 from robot.config import MAX_SEED, Config, load_config
-from robot.control import socket_path
 from robot.errors import UsageError
 from robot.events import Bus
 from robot.ledger import LedgerReader

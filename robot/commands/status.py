@@ -14,8 +14,8 @@ from rich.live import Live
 from rich.table import Table
 from rich.text import Text
 
+from robot.client import ask
 from robot.commands.order import ConfigOption, NotDone, SocketOption, socket_of
-from robot.control import ask
 
 EVERY_S = 1.0
 _STYLES = {"ready": "green", "starting": "yellow", "degraded": "yellow", "failed": "red", "stopped": "dim"}

@@ -1,6 +1,5 @@
 """One door for every face: the local API over a Unix socket."""
 
-from robot.control.client import Answer, ask, find_socket
 from robot.control.machine import (
     Declined,
     FaultNow,
@@ -14,10 +13,9 @@ from robot.control.machine import (
     TaskChoice,
 )
 from robot.control.server import serve
-from robot.control.socket_file import ControlSocket, socket_path
+from robot.control.socket_file import ControlSocket
 
 __all__ = [
-    "Answer",
     "ControlSocket",
     "Declined",
     "FaultNow",
@@ -29,8 +27,5 @@ __all__ = [
     "PortCounts",
     "Status",
     "TaskChoice",
-    "ask",
-    "find_socket",
     "serve",
-    "socket_path",
 ]

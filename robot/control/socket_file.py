@@ -1,4 +1,4 @@
-"""The file of the control socket: where it lies, whether somebody answers there, and that it goes when we go."""
+"""The file of the control socket: made where nobody answers yet, and gone when we go."""
 
 from __future__ import annotations
 
@@ -6,25 +6,17 @@ import errno
 import os
 import socket
 import stat
-from collections.abc import Mapping
 from contextlib import suppress
 from pathlib import Path
 from types import TracebackType
 from typing import Self
 
+from robot.client import answers
 from robot.errors import BusyError, ConfigError, FileError
 
-NAME = "control.sock"
 LONGEST_PATH_BYTES = 107  # sun_path of Linux, less its closing zero
 MODE = 0o660
 BACKLOG = 64
-KNOCK_S = 0.5
-
-
-def socket_path(run_directory: Path, environment: Mapping[str, str]) -> Path:
-    """``$RUNTIME_DIRECTORY/control.sock`` where a service manager made that folder, else in the run directory."""
-    folders = environment.get("RUNTIME_DIRECTORY", "").split(":")
-    return Path(folders[0] or run_directory) / NAME
 
 
 class ControlSocket:
@@ -77,19 +69,6 @@ class ControlSocket:
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         self.close()
-
-
-def answers(path: Path) -> bool:
-    """Whether a process listens at a socket file. ``OSError`` when that cannot be told."""
-    with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as knocking:
-        knocking.settimeout(KNOCK_S)
-        try:
-            knocking.connect(os.fspath(path))
-        except ConnectionRefusedError:
-            return False
-        except (TimeoutError, BlockingIOError):
-            return True  # its queue is full: it lives
-        return True
 
 
 def _make_way(path: Path) -> None:

@@ -6,6 +6,7 @@ import json
 import os
 import signal
 import subprocess
+import sys
 import time
 from collections.abc import Iterator
 from pathlib import Path
@@ -128,3 +129,22 @@ def until_written(path: Path, words: str) -> None:
     while words not in path.read_text():
         assert time.monotonic() < deadline, path.read_text()
         time.sleep(0.02)
+
+
+def test_a_stop_is_given_before_cameras_networks_and_planners_are_loaded(tmp_path: Path) -> None:
+    program = (
+        "import sys; sys.argv = ['sprayer', 'stop', '--socket', 'none.sock']\n"
+        "from robot.entry import main\n"
+        "try:\n    main()\n"
+        "except SystemExit as end:\n"
+        "    print(end.code, sorted({'numpy', 'cv2', 'pydantic', 'aiohttp'} & set(sys.modules)))"
+    )
+    ended = subprocess.run([sys.executable, "-c", program], cwd=tmp_path, capture_output=True, text=True, timeout=60.0)
+    assert ended.stdout == "69 []\n", ended.stderr
+
+
+def test_the_commands_entry_gives_a_stop_to_the_robot(robot: Living) -> None:
+    program = f"import sys; sys.argv[1:] = ['stop', '--socket', {str(robot.path)!r}]\nfrom robot.entry import main; main()"
+    ended = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, timeout=60.0)
+    assert (ended.returncode, ended.stdout.splitlines()[0]) == (0, "valve: stopped")
+    assert robot.post("acknowledge").ok

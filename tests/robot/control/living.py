@@ -12,8 +12,8 @@ from pathlib import Path
 from drivers.camera.values import Image
 from drivers.twin.machine import Twin
 from drivers.twin.renderer import FruitView
+from robot.client import Answer, ask
 from robot.clock import run_real
-from robot.control import Answer, ask
 from robot.events import Bus
 from robot.runtime import RunOptions, RunResult, StopSignals, run_robot
 from tests.robot.mission.oracle import Oracle

@@ -13,8 +13,9 @@ import pytest
 from prometheus_client.parser import text_string_to_metric_families
 
 from drivers.twin.truth_record import read_truth
+from robot.client import ask, find_socket, socket_path
 from robot.clock import run_real
-from robot.control import ControlSocket, ask, find_socket, socket_path
+from robot.control import ControlSocket
 from robot.errors import BusyError, ConfigError, FileError, UnavailableError
 from robot.events import Bus
 from robot.ledger import LedgerReader, Outcome

@@ -6,13 +6,12 @@ import http.client
 import json
 import os
 import socket
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from robot.control.socket_file import answers
-from robot.errors import FileError, UnavailableError
+from robot.errors import UnavailableError
 
 ANSWER_S = 35.0  # longer than the longest verb
 
@@ -31,26 +30,6 @@ class Answer:
     @property
     def error(self) -> str:
         return str(self.body.get("error", "")) or f"the robot answered with status {self.status}"
-
-
-def find_socket(candidates: Iterable[Path]) -> Path:
-    """The first at which a robot answers. ``UnavailableError`` names all that were tried."""
-    tried = list(dict.fromkeys(candidates))
-    for path in tried:
-        try:
-            if answers(path):
-                return path
-        except (FileNotFoundError, NotADirectoryError):
-            continue
-        except PermissionError as error:
-            raise FileError(
-                f"{path}: you may not talk to this robot; become a member of its socket's group, or use sudo"
-            ) from error
-        except OSError:  # no socket at all, or a path too long for one
-            continue
-    raise UnavailableError(
-        f"no robot answers at {' or '.join(map(str, tried))}; start one with 'sprayer run', or give its --socket"
-    )
 
 
 def ask(path: Path, method: str, place: str, body: Mapping[str, object] | None = None) -> Answer:
