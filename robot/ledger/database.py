@@ -15,10 +15,12 @@ from robot.ledger.schema import APPLICATION_ID, SCHEMA_VERSION
 _BUSY_MS = 5000
 
 
-def open_for_writing(path: Path) -> sqlite3.Connection:
+def open_for_writing(path: Path, factory: type[sqlite3.Connection] = sqlite3.Connection) -> sqlite3.Connection:
     """Open or create a ledger: WAL, every commit synced to disk. ``FileError`` when it is not usable."""
     with readable_errors(path):
-        connection = sqlite3.connect(path, check_same_thread=False, isolation_level=None, timeout=_BUSY_MS / 1e3)
+        connection = sqlite3.connect(
+            path, check_same_thread=False, isolation_level=None, timeout=_BUSY_MS / 1e3, factory=factory
+        )
     try:
         with readable_errors(path):
             _check_kind(connection, path, may_be_empty=True)
@@ -57,6 +59,11 @@ def readable_errors(path: Path) -> Iterator[None]:
         raise
     except sqlite3.Error as error:
         raise FileError(f"{path}: {error}; {_remedy(error)}") from error
+
+
+def no_room(error: FileError) -> bool:
+    """Whether the disk may have been full: freeing room is worth another try."""
+    return str(getattr(error.__cause__, "sqlite_errorname", "")).startswith(("SQLITE_FULL", "SQLITE_IOERR"))
 
 
 def _remedy(error: sqlite3.Error) -> str:

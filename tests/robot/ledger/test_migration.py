@@ -9,6 +9,7 @@ import pytest
 
 from robot.errors import FileError
 from robot.ledger import Ledger, LedgerReader
+from robot.ledger.schema import SCHEMA_VERSION
 from robot.targets import TargetState
 from robot.vision.values import Ripeness
 from tests.robot.ledger.rows import INTENT, NOON, SPRAYED, TASK, started, target
@@ -64,7 +65,7 @@ def test_opened_for_writing_it_becomes_a_ledger_of_today(tmp_path: Path) -> None
     path = old_ledger(tmp_path)
     with Ledger.open(path) as ledger:
         check_rows(ledger)
-    assert version(path) == 2
+    assert version(path) == SCHEMA_VERSION == 3
     new, _ = started(tmp_path / "new.sqlite")
     new.close()
     assert columns(path) == columns(new.path)
