@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Awaitable, Callable
+from collections.abc import Awaitable, Callable, Mapping
 
 from drivers.arm.interface import Arm
 from drivers.arm.values import JointTrajectory
@@ -103,6 +103,15 @@ class Actuation:
         self._readings.tank_left_ml = tank_left_ml
         self._gate.begin_task(task_ml, target_ml)
 
+    @property
+    def liquid_faults(self) -> Mapping[str, str]:
+        """What is wrong with liquid and ledger now, by number in the fault catalogue."""
+        return self._liquid.faults
+
+    async def nozzle_checked(self, operator: str) -> None:
+        """An operator has seen to the nozzle after "check nozzle": spraying may go on."""
+        await self._liquid.nozzle_checked(operator)
+
     async def begin_metering(self) -> None:
         """Start the flow account at the meter's present count."""
         await self._liquid.begin_metering()
@@ -177,9 +186,10 @@ class Actuation:
         await self.poll_relay()
 
     async def de_energise(self) -> tuple[PartStopped, ...]:
-        """Everything off at the relay board; the arm goes on holding."""
+        """Everything off at the relay board, the arm goes on holding; then what still waits for the ledger."""
         self._liquid.cut()
-        return (await stop_part("relay board", self._relay.all_off),)
+        board = await stop_part("relay board", self._relay.all_off)
+        return board, PartStopped("ledger", await self._liquid.finish())
 
     # --- base and arm -----------------------------------------------------------------------------------------
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import math
-from collections.abc import Awaitable, Callable
+from collections.abc import Awaitable, Callable, Mapping
 
 from drivers.errors import DeviceError
 from drivers.inputs.interface import Inputs as InputDevices
@@ -12,16 +12,16 @@ from drivers.relay.interface import RelayBoard
 from drivers.relay.values import Channel
 from robot import safety
 from robot.actuation.booking import FlowAccount, outcome_of
+from robot.actuation.bookkeeping import Bookkeeper
+from robot.actuation.flow_watch import FlowWatch
 from robot.actuation.gate import Gate, now_s
 from robot.actuation.readings import Readings
 from robot.actuation.stopping import stop_part
-from robot.actuation.values import LEDGER_WRITE_S, HandSettings, PartStopped, PulseOrder, Refused
-from robot.clock import work
+from robot.actuation.values import HandSettings, PartStopped, PulseOrder, Refused
 from robot.ledger import Ledger
-from robot.ledger.values import Intent, Outcome, Result
+from robot.ledger.values import Intent, Leak, Outcome, Result
 
 METER_SETTLE_S = 0.15  # after the valve is shut, until the flow meter has counted its last pulse
-LEAK_ML = 0.4          # past a valve that is shut: more than the meter's last pulse of a shot and its noise
 
 Stop = Callable[[str], Awaitable[tuple[PartStopped, ...]]]
 
@@ -33,24 +33,42 @@ class Liquid:
         self, relay: RelayBoard, inputs: InputDevices, ledger: Ledger, gate: Gate, readings: Readings,
         settings: HandSettings, stop: Stop,
     ) -> None:  # fmt: skip
-        self._relay, self._inputs, self._ledger = relay, inputs, ledger
+        self._relay, self._inputs = relay, inputs
         self._gate, self._readings, self._settings = gate, readings, settings
         self._stop = stop
         self._account = FlowAccount(settings)
+        self._books = Bookkeeper(ledger)
+        self._flow = FlowWatch(ledger, settings.meter_ml_per_pulse)
         self._task_id: int | None = None
         self._pump_wanted = False
         self._pump_until_s = -math.inf
         self._cut = asyncio.Event()
         self._cut_reason = ""
+        self._leaked_ml = 0.0  # since the machine was last armed with a tight valve
         self.shot_under_way = False
+
+    @property
+    def faults(self) -> Mapping[str, str]:
+        """What is wrong with liquid and ledger now: number in the fault catalogue -> what a person should read."""
+        leak = {"F10": _leak_text(self._leaked_ml)} if self._leaked_ml > 0.0 else {}
+        return {**leak, **self._flow.faults, **self._books.faults}
+
+    async def nozzle_checked(self, operator: str) -> None:
+        """An operator has seen to the nozzle: its history begins anew."""
+        await self._flow.checked(operator)
 
     def begin_task(self, task_id: int) -> None:
         self._task_id = task_id
 
     async def begin_metering(self) -> None:
-        """Start the flow account at the meter's present count."""
-        self._readings.sensors = await self._inputs.read()
-        self._account.begin(self._readings.sensors.flow_total_ml)
+        """Start the flow account at the meter's present count, and the flow history with that of earlier runs."""
+        await self._flow.begin()
+        self._readings.sensors = reading = await self._inputs.read()
+        self._account.begin(reading.flow_total_ml, reading.stamp_s)
+
+    async def finish(self) -> str:
+        """Before the program ends: what still waits for the ledger; why it was lost, "" when nothing was."""
+        return await self._books.finish()
 
     def board_pulse_s(self, open_s: float) -> float:
         """The board's own timer for an opening: the next multiple of its quantum."""
@@ -69,20 +87,34 @@ class Liquid:
             self._cut.set()
 
     async def look_for_leak(self) -> None:
-        """Stop the machine, and with it the pump, when the newest reading shows flow past the shut valve."""
+        """Book what the newest reading shows past the shut valve, and stop the machine, its pump and its power for it.
+
+        The litres go on being booked as long as they run, armed or not.
+        """
         sensors = self._readings.sensors
-        if self.shot_under_way or sensors is None or not self._gate.armed:
-            return
-        leaked_ml = self._account.leaked_ml(sensors.flow_total_ml)
-        if leaked_ml > LEAK_ML:
-            await self._stop(
-                f"the valve leaks: {leaked_ml:.1f} ml passed the flow meter while it was shut; "
-                "close the supply and change the valve"
+        if not self.shot_under_way and sensors is not None:
+            leak = self._account.leaked(sensors.flow_total_ml, sensors.stamp_s)
+            if leak is not None:
+                await self._take_leak(leak)
+        self._books.retry()
+
+    async def _take_leak(self, leak: Leak) -> None:
+        first = self._leaked_ml == 0.0 or self._gate.armed
+        self._leaked_ml += leak.booked_ml
+        self._readings.tank_left_ml -= leak.booked_ml
+        self._books.leak(self._task_id, leak)
+        if first:
+            self.cut()
+            await asyncio.gather(
+                stop_part("pump", lambda: self._relay.cancel(Channel.PUMP)),
+                stop_part("contactor", lambda: self._relay.switch(Channel.CONTACTOR, False)),
+                self._stop(_leak_text(leak.booked_ml)),
             )
 
     async def start_pump(self) -> None:
         """Ask for pressure. The pump runs on leases: it stops by itself when nobody renews them."""
         self._gate.demand_armed()
+        self._leaked_ml = 0.0
         self._pump_wanted = True
         await self.renew_pump()
 
@@ -107,6 +139,8 @@ class Liquid:
         """
         if self._task_id is None:
             raise Refused("no task is open in the ledger; begin one before spraying")
+        if self._flow.problem:
+            raise Refused(f"no spray: {self._flow.problem}")
         await self.renew_pump(order.pulse_s + 1.0)
         request = safety.SprayRequest(order.target_id, order.dose_ml, order.full_ml, order.open_s, order.pulse_s)
         self._gate.demand_spray(request)
@@ -136,16 +170,16 @@ class Liquid:
             intent = Intent(
                 target_id=order.target_id, stop=order.stop, pulse=order.number, due_ml=order.due_ml,
                 dose_ml=order.dose_ml, open_s=order.open_s, pulse_s=order.pulse_s, full_ml=order.full_ml,
-                stamp_s=now_s(), factor=order.factor, reason=order.reason,
+                stamp_s=now_s(), factor=order.factor, reason=order.reason, model_ml=order.model_ml,
             )
             try:
-                intent_id = await work(lambda: self._ledger.write_intent(task_id, intent), LEDGER_WRITE_S)
+                intent_id = await self._books.intent(task_id, intent)
             except Exception:
                 booked_ml = 0.0  # nothing was opened
                 raise
             result = await self._open_and_close(order)
             booked_ml = result.booked_ml
-            await work(lambda: self._ledger.write_result(intent_id, result), LEDGER_WRITE_S)
+            await self._books.result(intent_id, result)
             if result.outcome is Outcome.UNCERTAIN:
                 await self._stop(f"the shot at target {order.target_id} is uncertain: {result.reason}")
             return result
@@ -184,7 +218,16 @@ class Liquid:
             await self._stop(f"the valve's closing is unconfirmed ({closing.error})")
         counted = await self._count()
         why_short = self._cut_reason or "a stop"
-        return outcome_of(order, shut_s - opened_s, problem, why_short, counted, self._settings, now_s())
+        result = outcome_of(order, shut_s - opened_s, problem, why_short, counted, self._settings, now_s())
+        self._account.credit(result.booked_ml - (counted[1] or 0.0), opened_s + order.pulse_s + METER_SETTLE_S)
+        if not problem:
+            await self._look_at_flow(order, result)
+        return result
+
+    async def _look_at_flow(self, order: PulseOrder, result: Result) -> None:
+        self._flow.take(order.model_ml, result, self._readings)
+        if self._flow.dry:  # against air the pump does not run on
+            await stop_part("pump", self.stop_pump)
 
     async def _read_back_shut(self) -> None:
         self._readings.relay = await self._relay.read()
@@ -197,5 +240,11 @@ class Liquid:
         try:
             self._readings.sensors = await self._inputs.read()
         except DeviceError:
-            return self._account.take(None)  # the poll of the sensors reports the fault itself
-        return self._account.take(self._readings.sensors.flow_total_ml)
+            return self._account.take(None, math.nan)  # the poll of the sensors reports the fault itself
+        return self._account.take(self._readings.sensors.flow_total_ml, self._readings.sensors.stamp_s)
+
+
+def _leak_text(ml: float) -> str:
+    return (
+        f"the valve leaks: {ml:.1f} ml passed the flow meter while it was shut; close the supply and change the valve"
+    )

@@ -25,6 +25,7 @@ class HandSettings:
     meter_ml_per_pulse: float
     meter_tolerance: float
     valve_close_s: float
+    tank_reserve_ml: float = 0.0
 
 
 @dataclass(frozen=True, slots=True)

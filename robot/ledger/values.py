@@ -29,7 +29,7 @@ class Task:
 class Outcome(StrEnum):
     """How an intent ended."""
 
-    SPRAYED = "sprayed"  # opened and verified shut
+    SPRAYED = "sprayed"      # opened and verified shut
     SHORTENED = "shortened"  # shut before its time (stop), booked by the time it was open
     UNCERTAIN = "uncertain"  # nobody knows how long: booked as the full pulse
     NOT_OPENED = "not_opened"  # proven that the valve never opened: booked 0

@@ -1,0 +1,92 @@
+"""What must get into the ledger: kept in memory until it is there, and tried again."""
+
+from __future__ import annotations
+
+import asyncio
+import math
+from collections import deque
+from collections.abc import Callable
+
+from robot.actuation import values
+from robot.actuation.gate import now_s
+from robot.actuation.values import Refused
+from robot.clock import work
+from robot.errors import FileError
+from robot.ledger import Ledger, LedgerRuleError
+from robot.ledger.values import Intent, Leak, Result
+
+RETRY_S = 0.5
+
+
+class Bookkeeper:
+    """Writes intents, outcomes and leaks off the loop, in order. ``problem`` says why rows wait, "" when none does.
+
+    An outcome or a leak that the ledger does not take is tried again with every ``retry`` and at the end; when the
+    program ends before, the next one finds the intent without an outcome and books it as the full pulse.
+    """
+
+    def __init__(self, ledger: Ledger) -> None:
+        self._ledger = ledger
+        self._rows: deque[Callable[[], object]] = deque()
+        self._writing = asyncio.Lock()
+        self._retrying: asyncio.Task[None] | None = None
+        self._next_try_s = -math.inf
+        self.problem = ""
+
+    @property
+    def faults(self) -> dict[str, str]:
+        """By their number in the catalogue: what is wrong with the ledger's disk."""
+        found = {"F36": self.problem or self._ledger.problem, "F39": self._ledger.latency.warning}
+        return {number: text for number, text in found.items() if text}
+
+    async def intent(self, task_id: int, intent: Intent) -> int:
+        """Durable when it returns. ``Refused`` as long as earlier rows wait; errors of the ledger as they are."""
+        if self._rows:
+            raise Refused(f"{len(self._rows)} rows wait for the ledger, no ledger, no spray: {self.problem}")
+        return await work(lambda: self._ledger.write_intent(task_id, intent), values.LEDGER_WRITE_S)
+
+    async def result(self, intent_id: int, result: Result) -> None:
+        """Durable when it returns; when it raises ``FileError`` the outcome is kept and tried again."""
+        self._rows.append(lambda: self._ledger.write_result(intent_id, result))
+        await self.write_all()
+
+    def leak(self, task_id: int | None, leak: Leak) -> None:
+        """Taken down at once, written soon: nothing waits for the disk while liquid runs."""
+        self._rows.append(lambda: self._ledger.write_leak(task_id, leak))
+        self._next_try_s = -math.inf
+        self.retry()
+
+    def retry(self) -> None:
+        """Try what waits, if it is time again; does not wait for the disk."""
+        idle = self._retrying is None or self._retrying.done()
+        if self._rows and idle and not self._writing.locked() and now_s() >= self._next_try_s:
+            self._retrying = asyncio.create_task(self._try(), name="ledger retry")
+
+    async def finish(self) -> str:
+        """The last try, before the program ends; why rows are lost, "" when none is."""
+        if self._retrying is not None:
+            await self._retrying
+        await self._try()
+        return self.problem
+
+    async def write_all(self) -> None:
+        """Everything that waits, in order. ``FileError`` with the first failure; the rest goes on waiting."""
+        async with self._writing:
+            while self._rows:
+                try:
+                    await work(self._rows[0], values.LEDGER_WRITE_S)
+                except FileError as error:
+                    self.problem = str(error)
+                    self._next_try_s = now_s() + RETRY_S
+                    raise
+                except LedgerRuleError:
+                    self._rows.popleft()  # it will never be taken
+                    raise
+                self._rows.popleft()
+            self.problem = ""
+
+    async def _try(self) -> None:
+        try:
+            await self.write_all()
+        except (FileError, LedgerRuleError) as error:
+            self.problem = str(error)
