@@ -27,7 +27,7 @@ from robot.mission import Localiser, Mission, MissionContext, MissionSettings, P
 from robot.runtime.backends import BuildOptions, build_devices, needs_twin, require_timed_pulses, watched
 from robot.runtime.devices import Devices, fault_plan, make_twin
 from robot.runtime.recorder import FrameRecorder
-from robot.runtime.resuming import check_resumable, given_by_target_ml, taken_by_hand_ml, task_to_resume
+from robot.runtime.resuming import check_resumable, taken_by_hand_ml, task_to_resume
 from robot.runtime.settings import load_arm, load_camera, load_row, mission_settings, task
 from robot.runtime.signals import StopSignals
 from robot.runtime.upkeep import Poll, Upkeep
@@ -194,10 +194,9 @@ class _Robot:
         self._checkpoint = self._ledger.last_checkpoint(task_id)
         self._progress.book = book_of(self._ledger.targets(task_id))
         self._progress.stop = max(0, self._checkpoint.stop - 1) if self._checkpoint else 0
-        given_ml = given_by_target_ml(self._ledger, task_id)
-        total_ml = sum(given_ml.values())
-        left_ml = task.tank_fill_ml - total_ml - taken_by_hand_ml(self._ledger, task_id)
-        self.actuation.begin_task(task_id, left_ml, total_ml, given_ml)
+        given = self._ledger.sums(task_id, datetime.now(UTC))
+        left_ml = task.tank_fill_ml - given.task_ml - taken_by_hand_ml(self._ledger, task_id)
+        self.actuation.begin_task(task_id, left_ml, given.task_ml, dict(given.target_ml))
         return task_id
 
     def context(self, task_id: int | None, detector: Detector, rig: StereoRig) -> MissionContext | None:

@@ -36,12 +36,3 @@ def taken_by_hand_ml(ledger: Ledger, task_id: int) -> float:
     """What was sprayed by hand since the task began: it is gone from the tank."""
     later = [row.task_id for row in ledger.tasks() if row.task_id > task_id]
     return sum(ledger.totals(number).booked_ml for number in later if ledger.task(number).route == BY_HAND)
-
-
-def given_by_target_ml(ledger: Ledger, task_id: int) -> dict[int, float]:
-    """What the task booked on each target so far; a shot without an outcome counts as its full pulse."""
-    given_ml: dict[int, float] = {}
-    for shot in ledger.shots(task_id):
-        booked_ml = shot.result.booked_ml if shot.result else shot.intent.full_ml
-        given_ml[shot.intent.target_id] = given_ml.get(shot.intent.target_id, 0.0) + booked_ml
-    return given_ml
