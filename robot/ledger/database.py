@@ -52,11 +52,9 @@ def open_for_reading(path: Path) -> sqlite3.Connection:
 
 @contextmanager
 def readable_errors(path: Path) -> Iterator[None]:
-    """Turn SQLite's errors about the file into ``FileError`` with what to do; broken rules stay ``IntegrityError``."""
+    """Turn SQLite's errors about the file into ``FileError`` with what to do."""
     try:
         yield
-    except sqlite3.IntegrityError:
-        raise
     except sqlite3.Error as error:
         raise FileError(f"{path}: {error}; {_remedy(error)}") from error
 
@@ -72,7 +70,7 @@ def _remedy(error: sqlite3.Error) -> str:
         return "free space on the disk; no ledger, no spray"
     if name.startswith("SQLITE_IOERR"):
         return "the disk is full or failing; free space or replace it; no ledger, no spray"
-    if name.startswith(("SQLITE_CORRUPT", "SQLITE_NOTADB")):
+    if name.startswith(("SQLITE_CORRUPT", "SQLITE_NOTADB", "SQLITE_CONSTRAINT")):
         return "not a sound ledger: keep the file for the records, move it away and start a new one"
     if name.startswith(("SQLITE_READONLY", "SQLITE_CANTOPEN", "SQLITE_PERM")):
         return "check that the folder exists and that file and folder can be written"

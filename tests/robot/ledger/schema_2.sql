@@ -1,3 +1,4 @@
+-- The tables of schema version 2, as that program made them.
 PRAGMA application_id = 1397772889;
 PRAGMA user_version = 2;
 

@@ -1,4 +1,4 @@
-"""F36, F38, F39: a disk that is full, read-only or slow. No ledger, no spray; what was sprayed is written all the same."""
+"""F36, F38, F39: a disk that is full, read-only or slow. No ledger, no spray; what was sprayed is still written."""
 
 from __future__ import annotations
 
@@ -35,6 +35,11 @@ def fill_up(ledger: Ledger, task_id: int) -> Path:
     raise AssertionError("the disk does not fill up")
 
 
+def write_events(ledger: Ledger, count: int) -> None:
+    for n in range(count):
+        ledger.record_event("state", f"event {n}", 1.0)
+
+
 def test_the_outcome_of_a_shot_finds_room_on_a_full_disk_and_the_next_intent_does_not() -> None:
     with tiny_disk() as disk:
         ledger, task_id = begun(disk / "run.ledger", reserve_bytes=200_000)
@@ -45,7 +50,7 @@ def test_the_outcome_of_a_shot_finds_room_on_a_full_disk_and_the_next_intent_doe
         ledger.write_leak(task_id, LEAK)
         ledger.record_event("mode", "safe_stop", 3.0)
         for _ in range(2):
-            with pytest.raises(FileError, match="cannot be kept free.*free space on the disk; no ledger, no spray"):
+            with pytest.raises(FileError, match=r"cannot be kept free.*free space on the disk; no ledger, no spray"):
                 ledger.write_intent(task_id, intent(2))
         assert "no ledger, no spray" in ledger.problem
         assert ledger.totals(task_id).booked_ml == pytest.approx(5.2)
@@ -77,8 +82,7 @@ def test_an_outcome_that_finds_no_room_at_all_leaves_its_intent_to_be_booked_in_
     used = max(item.stat().st_size for item in tmp_path.iterdir())
     with file_size_limit(used):
         with pytest.raises(FileError, match="no ledger, no spray"):
-            for n in range(2000):
-                ledger.record_event("state", f"event {n}", 1.0)
+            write_events(ledger, 2000)
         with pytest.raises(FileError, match="no ledger, no spray"):
             ledger.write_result(number, SPRAYED)
     ledger.close()

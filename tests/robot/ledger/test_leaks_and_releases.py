@@ -93,7 +93,7 @@ def test_leaks_and_releases_cannot_be_rewritten(opened: Opened) -> None:
 def test_a_target_of_which_nobody_knows_what_it_got_takes_no_intent(opened: Opened, result: Result) -> None:
     ledger, task_id = opened
     shoot(ledger, task_id, 1, result)
-    with pytest.raises(LedgerRuleError, match="target 1 of task 1 is uncertain.*operator must release"):
+    with pytest.raises(LedgerRuleError, match=r"target 1 of task 1 is uncertain.*operator must release"):
         ledger.write_intent(task_id, INTENT)
     assert len(ledger.shots(task_id)) == 1
     assert shoot(ledger, task_id, 2, SPRAYED) == 2

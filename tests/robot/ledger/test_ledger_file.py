@@ -13,6 +13,7 @@ import threading
 from dataclasses import replace
 from datetime import timedelta
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -219,6 +220,32 @@ def test_a_damaged_ledger_is_refused_before_anything_is_sprayed(tmp_path: Path) 
     ledger.path.write_bytes(content)
     with pytest.raises(FileError, match="keep the file for the records, move it away"):
         Ledger.open(ledger.path)
+
+
+def test_a_ledger_with_rows_that_no_program_writes_is_refused(tmp_path: Path) -> None:
+    ledger, _ = started(tmp_path / "run.ledger")
+    ledger.record_event("state", "MOVE", 1.0)
+    ledger.close()
+    with sqlite3.connect(ledger.path) as raw:
+        raw.execute("PRAGMA ignore_check_constraints = ON")
+        raw.execute("UPDATE event SET kind = ''")
+    raw.close()
+    for door in (Ledger.open, LedgerReader.open_read_only):
+        with pytest.raises(FileError, match=r"damaged \(CHECK constraint failed in event\); keep the file"):
+            door(ledger.path)
+
+
+class WithoutLog(sqlite3.Connection):
+    """On a file system that cannot share memory."""
+
+    def execute(self, sql: str, *values: Any) -> sqlite3.Cursor:
+        return super().execute("SELECT 'delete'" if sql.startswith("PRAGMA journal_mode") else sql, *values)
+
+
+def test_a_file_system_without_a_write_ahead_log_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(FileError, match=r"cannot hold a write-ahead log \(mode delete\); use a local disk"):
+        Ledger.open(tmp_path / "run.ledger", factory=WithoutLog)
+    Ledger.open(tmp_path / "run.ledger").close()
 
 
 def test_a_missing_folder_is_named(tmp_path: Path) -> None:

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from robot.ledger import Leak, Ledger, LedgerRuleError, Outcome, OutboxRow, Parcel, Result
+from robot.ledger import Leak, Ledger, LedgerRuleError, OutboxRow, Outcome, Parcel, Result
 from robot.ledger import outbox as boxes
 from tests.robot.ledger.rows import INTENT, NOON, SPRAYED, intent, started
 
