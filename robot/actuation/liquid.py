@@ -76,9 +76,10 @@ class Liquid:
         return quantum_s * math.ceil(open_s / quantum_s - 1e-9)
 
     def cut(self) -> None:
-        """Shut the valve of a shot under way at once, and renew the pump no more."""
+        """Shut the valve of a shot under way at once, and renew the pump no more: its lease is cancelled with it."""
         self._cut.set()
         self._pump_wanted = False
+        self._pump_until_s = -math.inf
 
     def interrupt(self, reason: str) -> None:
         """Shut the valve of a shot under way at once, for a ``reason`` that does not stop the machine."""

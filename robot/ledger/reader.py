@@ -142,9 +142,10 @@ class LedgerReader:
         Only those since the newest event "nozzle", by which an operator says that the nozzle was seen to.
         """
         rows = self._rows(
-            "SELECT model_ml, measured_ml FROM intent JOIN result ON result.intent_id = intent.id"
-            " WHERE model_ml > 0 AND measured_ml IS NOT NULL AND outcome IN ('sprayed', 'uncertain')"
-            " AND result.utc >= (SELECT coalesce(max(utc), '') FROM event WHERE kind = 'nozzle')"
+            "WITH checked AS (SELECT run_id, stamp_s FROM event WHERE kind = 'nozzle' ORDER BY id DESC LIMIT 1)"
+            " SELECT model_ml, measured_ml FROM intent JOIN result ON result.intent_id = intent.id"
+            " WHERE model_ml > 0 AND measured_ml IS NOT NULL AND outcome IN ('sprayed', 'uncertain') AND NOT EXISTS"
+            " (SELECT 1 FROM checked WHERE (intent.run_id, result.stamp_s) <= (checked.run_id, checked.stamp_s))"
             " ORDER BY intent.id DESC LIMIT ?",
             count,
         )
