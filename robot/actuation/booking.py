@@ -6,6 +6,7 @@ import math
 
 from robot.actuation.values import HandSettings, PulseOrder
 from robot.dosing.flow_check import LEAST_RATIO, ShotFlow, one_shot_problem
+from robot.ledger.records import MeterMark
 from robot.ledger.values import Leak, Outcome, Result
 
 WHOLE = 0.95  # an opening of this share of the order counts as whole
@@ -22,18 +23,25 @@ class FlowAccount:
         self._settings = settings
         self._accounted_to_ml: float | None = None  # one pulse ahead of the last count, once something was booked
         self._count_ml = 0.0
+        self._count_known = False
         self._counted_s = -math.inf
         self._credit_ml = 0.0  # was booked on a shot in excess of its count, and may still come
         self._credit_until_s = -math.inf
 
+    @property
+    def booked_to_ml(self) -> float | None:
+        """The meter's count up to which everything is booked; None when the last shot could not be counted."""
+        return self._count_ml if self._count_known else None
+
     def begin(self, total_ml: float, stamp_s: float) -> None:
         """Start at the meter's present count."""
         self._accounted_to_ml = self._count_ml = total_ml
-        self._counted_s = stamp_s
+        self._counted_s, self._count_known = stamp_s, True
         self._credit_ml = 0.0
 
     def take(self, total_ml: float | None, stamp_s: float) -> tuple[float | None, float | None]:
         """(measured ml, ml to book) since the last take; (None, None) without a count, or when it was reset."""
+        self._count_known = total_ml is not None
         if total_ml is None:
             return None, None
         before_ml, ahead_ml = self._accounted_to_ml, total_ml + self._settings.meter_ml_per_pulse
@@ -74,6 +82,19 @@ class FlowAccount:
         if stamp_s > self._credit_until_s:
             self._credit_ml = 0.0
         return leak
+
+
+def missed(mark: MeterMark, total_ml: float, stamp_s: float, settings: HandSettings) -> Leak | None:
+    """What passed the meter since the last run, beyond what that run's shots without a count were booked with.
+
+    None also when the counter went back (it had lost its power), or on by more than a tank holds (another meter).
+    """
+    passed_ml = total_ml - mark.count_ml
+    upper_ml = (passed_ml + settings.meter_ml_per_pulse) * (1.0 + settings.meter_tolerance)
+    if passed_ml <= LEAK_PULSES * settings.meter_ml_per_pulse or not mark.covered_ml < upper_ml <= settings.tank_ml:
+        return None
+    share = 1.0 - mark.covered_ml / upper_ml
+    return Leak(share * upper_ml, share * passed_ml, "flow while the program was not running", stamp_s)
 
 
 def outcome_of(

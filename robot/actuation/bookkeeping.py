@@ -12,7 +12,7 @@ from robot.actuation.gate import now_s
 from robot.actuation.values import Refused
 from robot.clock import work
 from robot.errors import FileError
-from robot.ledger import Ledger, LedgerRuleError
+from robot.ledger import Ledger, LedgerRuleError, MeterMark
 from robot.ledger.values import Intent, Leak, Result
 
 RETRY_S = 0.5
@@ -45,16 +45,33 @@ class Bookkeeper:
             raise Refused(f"{len(self._rows)} rows wait for the ledger, no ledger, no spray: {self.problem}")
         return await work(lambda: self._ledger.write_intent(task_id, intent), values.LEDGER_WRITE_S)
 
-    async def result(self, intent_id: int, result: Result) -> None:
-        """Durable when it returns; when it raises ``FileError`` the outcome is kept and tried again."""
-        self._rows.append(lambda: self._ledger.write_result(intent_id, result))
+    async def result(self, intent_id: int, result: Result, count_ml: float | None) -> None:
+        """Durable when it returns; when it raises ``FileError`` the outcome is kept and tried again.
+
+        ``count_ml`` is the meter's count up to which everything is booked with it, None without one.
+        """
+        self._rows.append(lambda: self._ledger.write_result(intent_id, result, count_ml))
         await self.write_all()
 
-    def leak(self, task_id: int | None, leak: Leak) -> None:
+    def leak(self, task_id: int | None, leak: Leak, count_ml: float | None) -> None:
         """Taken down at once, written soon: nothing waits for the disk while liquid runs."""
-        self._rows.append(lambda: self._ledger.write_leak(task_id, leak))
+        self._rows.append(lambda: self._ledger.write_leak(task_id, leak, count_ml))
         self._next_try_s = -math.inf
         self.retry()
+
+    async def begin_metering(
+        self, task_id: int | None, count_ml: float, missed: Callable[[MeterMark], Leak | None]
+    ) -> None:
+        """Book what ``missed`` finds since the last run's mark, on that run's task, and mark ``count_ml``, in one."""
+
+        def write() -> None:
+            mark = self._ledger.meter_mark()
+            leak = None if mark is None else missed(mark)
+            if mark is not None and leak is not None:
+                self._ledger.write_leak(mark.task_id, leak, count_ml)
+            self._ledger.mark_meter(task_id, count_ml)
+
+        await work(write, values.LEDGER_WRITE_S)
 
     def retry(self) -> None:
         """Try what waits, if it is time again; does not wait for the disk."""

@@ -11,7 +11,7 @@ from drivers.inputs.interface import Inputs as InputDevices
 from drivers.relay.interface import RelayBoard
 from drivers.relay.values import Channel
 from robot import safety
-from robot.actuation.booking import FlowAccount, outcome_of
+from robot.actuation.booking import FlowAccount, missed, outcome_of
 from robot.actuation.bookkeeping import Bookkeeper
 from robot.actuation.flow_watch import FlowWatch
 from robot.actuation.gate import Gate, now_s
@@ -61,10 +61,17 @@ class Liquid:
         self._task_id = task_id
 
     async def begin_metering(self) -> None:
-        """Start the flow account at the meter's present count, and the flow history with that of earlier runs."""
+        """Start the flow account at the meter's present count, and the flow history with that of earlier runs.
+
+        What passed the meter since the last run, and is not booked, gets its row.
+        """
         await self._flow.begin()
         self._readings.sensors = reading = await self._inputs.read()
-        self._account.begin(reading.flow_total_ml, reading.stamp_s)
+        total_ml, stamp_s = reading.flow_total_ml, reading.stamp_s
+        await self._books.begin_metering(
+            self._task_id, total_ml, lambda mark: missed(mark, total_ml, stamp_s, self._settings)
+        )
+        self._account.begin(total_ml, stamp_s)
 
     async def finish(self) -> str:
         """Before the program ends: what still waits for the ledger; why it was lost, "" when nothing was."""
@@ -103,7 +110,7 @@ class Liquid:
         first = self._leaked_ml == 0.0 or self._gate.armed
         self._leaked_ml += leak.booked_ml
         self._readings.tank_left_ml -= leak.booked_ml
-        self._books.leak(self._task_id, leak)
+        self._books.leak(self._task_id, leak, self._account.booked_to_ml)
         if first:
             self.cut()
             await asyncio.gather(
@@ -180,7 +187,7 @@ class Liquid:
                 raise
             result = await self._open_and_close(order)
             booked_ml = result.booked_ml
-            await self._books.result(intent_id, result)
+            await self._books.result(intent_id, result, self._account.booked_to_ml)
             if result.outcome is Outcome.UNCERTAIN:
                 await self._stop(f"the shot at target {order.target_id} is uncertain: {result.reason}")
             return result

@@ -7,6 +7,7 @@ from robot.ledger.reader import LedgerReader
 from robot.ledger.records import (
     EventRow,
     LeakRow,
+    MeterMark,
     ReleaseRow,
     ShotRow,
     StopLight,
@@ -30,6 +31,7 @@ __all__ = [
     "Ledger",
     "LedgerReader",
     "LedgerRuleError",
+    "MeterMark",
     "OutboxRow",
     "Outcome",
     "Parcel",

@@ -81,12 +81,14 @@ class Ledger(LedgerWriter):
             )
             return new_id(row)
 
-    def write_result(self, intent_id: int, result: Result) -> None:
-        """Close an intent, exactly once."""
+    def write_result(self, intent_id: int, result: Result, count_ml: float | None = None) -> None:
+        """Close an intent, exactly once. ``count_ml`` is the meter's count up to which everything is booked by it."""
 
         def write() -> None:
             with self._transaction() as db:
                 self._insert_result(db, intent_id, result, self._now())
+                row = db.execute("SELECT task_id FROM intent WHERE id = ?", (intent_id,)).fetchone()
+                self._mark(db, row[0], count_ml)
 
         self._must_be_kept(write)
 
@@ -117,8 +119,8 @@ class Ledger(LedgerWriter):
             (full.reason, item.task_id, item.intent.target_id),
         )
 
-    def write_leak(self, task_id: int | None, leak: Leak) -> int:
-        """Book liquid that belongs to no shot. ``task_id`` None: no task was open."""
+    def write_leak(self, task_id: int | None, leak: Leak, count_ml: float | None = None) -> int:
+        """Book liquid that belongs to no shot. ``task_id`` None: no task was open; ``count_ml`` as for a result."""
 
         def write() -> int:
             with self._transaction() as db:
@@ -128,9 +130,15 @@ class Ledger(LedgerWriter):
                     (task_id, self._run(), self._now(), leak.booked_ml, leak.measured_ml, leak.reason, leak.stamp_s),
                 )
                 outbox.put(db, self._run(), Parcel.LEAK, new_id(row))
+                self._mark(db, task_id, count_ml)
                 return new_id(row)
 
         return self._must_be_kept(write)
+
+    def mark_meter(self, task_id: int | None, count_ml: float) -> None:
+        """Everything up to this count of the flow meter is booked; what passes it from here on is to be."""
+        with self._transaction() as db:
+            self._mark(db, task_id, count_ml)
 
     def release_target(self, task_id: int, target_id: int, operator: str, reason: str) -> int:
         """An operator's word that an uncertain target may be sprayed again: it is open from here on.
@@ -242,6 +250,14 @@ class Ledger(LedgerWriter):
                 outbox.put(db, self._run(), outbox.parcel_of_event(kind), new_id(row))
 
         self._must_be_kept(write)
+
+    def _mark(self, db: sqlite3.Connection, task_id: int | None, count_ml: float | None) -> None:
+        if count_ml is not None:
+            db.execute(
+                "INSERT OR REPLACE INTO meter (only, run_id, task_id, count_ml, last_intent_id)"
+                " VALUES (1, ?, ?, ?, (SELECT coalesce(max(id), 0) FROM intent))",
+                (self._run(), task_id, count_ml),
+            )
 
     def _insert_result(self, db: sqlite3.Connection, intent_id: int, result: Result, utc: str) -> None:
         db.execute(

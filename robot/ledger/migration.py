@@ -37,6 +37,7 @@ _SEEN = {1: _COLUMNS_OF_1, 2: _COLUMNS_OF_2}
 _EMPTY = {
     "leak": ("id", "task_id", "run_id", "utc", "booked_ml", "measured_ml", "reason", "stamp_s"),
     "release": ("id", "task_id", "target_id", "run_id", "utc", "operator", "reason", "last_intent_id"),
+    "meter": ("only", "run_id", "task_id", "count_ml", "last_intent_id"),
     "outbox": ("seq", "run_id", "kind", "row_id"),
     "outbox_loss": ("kind", "dropped"),
 }

@@ -15,7 +15,7 @@ from robot.ledger import outbox
 from robot.ledger.database import open_for_reading, readable_errors
 from robot.ledger.from_columns import SHOT_COLUMNS, shot_of, stop_of, target_of, utc_of
 from robot.ledger.outbox import OutboxRow, Parcel
-from robot.ledger.records import EventRow, LeakRow, ReleaseRow, ShotRow, StopRow, TaskRow, Totals
+from robot.ledger.records import EventRow, LeakRow, MeterMark, ReleaseRow, ShotRow, StopRow, TaskRow, Totals
 from robot.ledger.sums import GIVEN, MINUTE, Given, Sums, add_up, day_of
 from robot.ledger.values import Checkpoint, Dangling, Leak, Outcome, Task
 from robot.targets.values import Target
@@ -150,6 +150,14 @@ class LedgerReader:
             count,
         )
         return tuple((model_ml, measured_ml) for model_ml, measured_ml in reversed(rows))
+
+    def meter_mark(self) -> MeterMark | None:
+        """Where the last run left the flow meter; None when no run of this program has read it."""
+        rows = self._rows(
+            "SELECT task_id, count_ml, (SELECT coalesce(sum(coalesce(booked_ml, full_ml)), 0.0) FROM intent"
+            " LEFT JOIN result ON result.intent_id = intent.id WHERE intent.id > last_intent_id) FROM meter"
+        )
+        return MeterMark(*rows[0]) if rows else None
 
     def outbox(self, count: int, after: int = 0) -> tuple[OutboxRow, ...]:
         """The oldest ``count`` rows with a number above ``after`` that wait for the uplink, in order."""

@@ -133,3 +133,15 @@ class TaskRow:
     task_id: int
     run_id: int
     utc: datetime
+
+
+@dataclass(frozen=True, slots=True)
+class MeterMark:
+    """Up to which count of the flow meter everything is booked, on which task.
+
+    ``covered_ml`` was booked since on shots whose count nobody read: what passed the meter may be theirs.
+    """
+
+    task_id: int | None
+    count_ml: float
+    covered_ml: float

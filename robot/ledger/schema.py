@@ -58,6 +58,14 @@ CREATE TABLE release (
     FOREIGN KEY (task_id, target_id) REFERENCES target (task_id, id)
 ) STRICT;
 
+CREATE TABLE meter (
+    only INTEGER PRIMARY KEY CHECK (only = 1),
+    run_id INTEGER NOT NULL REFERENCES run (id),
+    task_id INTEGER REFERENCES task (id),
+    count_ml REAL NOT NULL CHECK (count_ml {_FINITE}),
+    last_intent_id INTEGER NOT NULL
+) STRICT;
+
 CREATE TABLE outbox (
     seq INTEGER PRIMARY KEY AUTOINCREMENT,
     run_id INTEGER NOT NULL REFERENCES run (id),

@@ -11,10 +11,10 @@ from drivers.relay.values import Channel
 from drivers.twin import hydraulics
 from robot import safety
 from robot.actuation import Refused, values
-from robot.actuation.booking import FlowAccount
+from robot.actuation.booking import FlowAccount, missed
 from robot.clock import run_virtual
 from robot.errors import FileError, SprayerError
-from robot.ledger import Ledger, LedgerRuleError, Outcome
+from robot.ledger import Ledger, LedgerRuleError, MeterMark, Outcome
 from robot.safety.timing import RELAY_STALE_S
 from robot.targets import TargetState
 
@@ -122,6 +122,52 @@ def test_an_armed_machine_that_still_leaks_stops_again(tmp_path):
     assert given_ml <= booked_ml
 
 
+def test_what_leaks_while_the_program_is_down_is_booked_by_the_next_run_once(tmp_path, monkeypatch):
+    monkeypatch.setattr(hydraulics, "LEAK_SHARE", 0.3)
+
+    async def main():
+        async with machine(tmp_path, "valve:wrong@6s") as m:
+            await m.ready_to_spray()
+            await until(lambda: m.actuation.state.mode is safety.Mode.SAFE_STOP)
+            twin, task_id, before_ml = m.twin, m.task_id, books(m)
+        await asyncio.sleep(20.0)
+        for _ in range(2):
+            async with machine(tmp_path, start=False, twin=twin) as m:
+                rows = [row.leak.reason for row in m.ledger.leaks(task_id)]
+                booked_ml = m.ledger.totals(task_id).booked_ml
+        return before_ml, rows, twin.dispensed_ml, booked_ml
+
+    before_ml, rows, given_ml, booked_ml = run_virtual(main())
+    assert before_ml < given_ml - 1.0
+    assert rows.count("flow while the program was not running") == 1
+    assert given_ml <= booked_ml <= TOLERANCE * given_ml + 3 * PULSE_ML
+
+
+def test_a_program_that_ended_in_mid_shot_leaves_no_leak_to_the_next(tmp_path):
+    """The whole pulse is booked for its intent, and what the meter counted of it is part of that."""
+
+    async def main():
+        async with machine(tmp_path) as m:
+            await m.ready_to_spray()
+            shot = asyncio.create_task(m.spray(0.32))
+            await until(lambda: m.twin.valve_open)
+            m.ledger.write_result = never
+            with pytest.raises(FileError):
+                await shot
+            twin, task_id, full_ml = m.twin, m.task_id, m.order(0.32).full_ml
+        async with machine(tmp_path, start=False, twin=twin) as m:
+            dangling = m.ledger.book_dangling(START)
+            return len(dangling), m.ledger.leaks(), twin.dispensed_ml, m.ledger.totals(task_id).booked_ml, full_ml
+
+    def never(*_):
+        raise FileError("killed")
+
+    dangling, leaks, given_ml, booked_ml, full_ml = run_virtual(main())
+    assert dangling == 1
+    assert leaks == ()
+    assert given_ml <= booked_ml == pytest.approx(full_ml)
+
+
 def test_a_shot_whose_count_nobody_read_is_no_leak(tmp_path):
     """Booked in full; what the meter tells of it later is that shot's."""
 
@@ -189,6 +235,23 @@ def test_what_was_booked_in_excess_of_a_shot_covers_what_still_comes_of_it_and_n
 def test_before_it_has_begun_it_knows_of_no_leak():
     made = FlowAccount(values.HandSettings((0.0,), 0.01, 0.1, 1.0, 10.0, PULSE_ML, 0.0, 0.02))
     assert made.leaked(99.0, 1.0) is None
+
+
+@pytest.mark.parametrize(
+    ("mark_ml", "covered_ml", "now_ml", "leaked_ml"),
+    [
+        (10.0, 0.0, 10.05, None),
+        (10.0, 0.0, 11.0, 1.17),
+        (10.0, 6.0, 14.0, None),  # of the shot that the program died in
+        (10.0, 6.0, 17.0, 1.17),
+        (10.0, 0.0, 3.0, None),  # the meter had lost its power
+        (10.0, 0.0, 99_999.0, None),  # another meter
+    ],
+)
+def test_what_passed_between_two_runs(mark_ml, covered_ml, now_ml, leaked_ml):
+    settings = values.HandSettings((0.0,), 0.01, 0.1, 1.0, 10.0, PULSE_ML, 0.0, 0.02, tank_ml=10_000.0)
+    leak = missed(MeterMark(1, mark_ml, covered_ml), now_ml, 5.0, settings)
+    assert (leak and leak.booked_ml) == (leaked_ml and pytest.approx(leaked_ml))
 
 
 # --- nozzle and tank (F65, F66)

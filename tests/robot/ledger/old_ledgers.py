@@ -63,6 +63,7 @@ def check_nothing_newer(reader: LedgerReader) -> None:
     """What that program did not keep is empty."""
     assert (reader.leaks(), reader.releases(1), reader.outbox(10), reader.outbox_dropped()) == ((), (), (), 0)
     assert reader.flow_history(10) == ()
+    assert reader.meter_mark() is None
 
 
 def version(path: Path) -> int:

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from robot.ledger import Leak, Ledger, LedgerReader, LedgerRuleError, Outcome, Result
+from robot.ledger import Leak, Ledger, LedgerReader, LedgerRuleError, MeterMark, Outcome, Result
 from robot.targets import TargetState
 from tests.robot.ledger.rows import INTENT, NOON, SPRAYED, intent, started, target
 
@@ -179,3 +179,18 @@ def test_only_an_uncertain_target_with_an_outcome_is_released_and_by_somebody(op
         with pytest.raises(LedgerRuleError):
             ledger.release_target(task_id, 3, operator, reason)
     assert ledger.releases(task_id) == ()
+
+
+def test_the_meters_mark_moves_with_the_rows_that_book_up_to_it(opened: Opened) -> None:
+    ledger, task_id = opened
+    assert ledger.meter_mark() is None
+    ledger.mark_meter(None, 3.0)
+    assert ledger.meter_mark() == MeterMark(None, 3.0, 0.0)
+    counted = ledger.write_intent(task_id, intent(1))
+    assert ledger.meter_mark() == MeterMark(None, 3.0, 6.3)  # its outcome is open
+    ledger.write_result(counted, SPRAYED, 7.9)
+    assert ledger.meter_mark() == MeterMark(task_id, 7.9, 0.0)
+    shoot(ledger, task_id, 2, SPRAYED)  # nobody read the meter
+    assert ledger.meter_mark() == MeterMark(task_id, 7.9, 5.0)
+    ledger.write_leak(task_id, LEAK, 13.1)
+    assert ledger.meter_mark() == MeterMark(task_id, 13.1, 0.0)
