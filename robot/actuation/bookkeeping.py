@@ -6,16 +6,20 @@ import asyncio
 import math
 from collections import deque
 from collections.abc import Callable
+from typing import TypeVar
 
 from robot.actuation import values
 from robot.actuation.gate import now_s
 from robot.actuation.values import Refused
 from robot.clock import work
 from robot.errors import FileError
-from robot.ledger import Ledger, LedgerRuleError, MeterMark
+from robot.ledger import SLOW_S, Ledger, LedgerRuleError, MeterMark, WriteLatency
 from robot.ledger.values import Intent, Leak, Result
 
 RETRY_S = 0.5
+SLOW_FOR_S = 60.0  # a disk that was slow counts as slow for so long
+
+T = TypeVar("T")
 
 
 class Bookkeeper:
@@ -31,19 +35,31 @@ class Bookkeeper:
         self._writing = asyncio.Lock()
         self._retrying: asyncio.Task[None] | None = None
         self._next_try_s = -math.inf
+        self.latency = WriteLatency()  # as shots wait for it, on the loop's clock
+        self._slow_until_s = -math.inf
         self.problem = ""
 
     @property
     def faults(self) -> dict[str, str]:
-        """By their number in the catalogue: what is wrong with the ledger's disk."""
-        found = {"F36": self.problem or self._ledger.problem, "F39": self._ledger.latency.warning}
-        return {number: text for number, text in found.items() if text}
+        """By their number in the catalogue: what is wrong with the ledger's disk now."""
+        found: dict[str, str] = {}
+        if self.problem:
+            found["F38" if "can be written" in self.problem else "F36"] = self.problem
+        if now_s() < self._slow_until_s:
+            found["F39"] = self.latency.warning
+        return found
 
     async def intent(self, task_id: int, intent: Intent) -> int:
         """Durable when it returns. ``Refused`` as long as earlier rows wait; errors of the ledger as they are."""
         if self._rows:
             raise Refused(f"{len(self._rows)} rows wait for the ledger, no ledger, no spray: {self.problem}")
-        return await work(lambda: self._ledger.write_intent(task_id, intent), values.LEDGER_WRITE_S)
+        try:
+            return await self._timed(lambda: self._ledger.write_intent(task_id, intent))
+        except FileError as error:
+            self.problem, stamp_s = str(error), now_s()
+            text = f"intent refused: {error}"
+            self._rows.append(lambda: self._ledger.record_event("fault", text, stamp_s))  # and so the disk is tried
+            raise
 
     async def result(self, intent_id: int, result: Result, count_ml: float | None) -> None:
         """Durable when it returns; when it raises ``FileError`` the outcome is kept and tried again.
@@ -91,7 +107,7 @@ class Bookkeeper:
         async with self._writing:
             while self._rows:
                 try:
-                    await work(self._rows[0], values.LEDGER_WRITE_S)
+                    await self._timed(self._rows[0])
                 except FileError as error:
                     self.problem = str(error)
                     self._next_try_s = now_s() + RETRY_S
@@ -101,6 +117,16 @@ class Bookkeeper:
                     raise
                 self._rows.popleft()
             self.problem = ""
+
+    async def _timed(self, write: Callable[[], T]) -> T:
+        began_s = now_s()
+        try:
+            return await work(write, values.LEDGER_WRITE_S)
+        finally:
+            took_s = now_s() - began_s
+            self.latency = self.latency.with_write(took_s)
+            if took_s > SLOW_S:
+                self._slow_until_s = now_s() + SLOW_FOR_S
 
     async def _try(self) -> None:
         try:

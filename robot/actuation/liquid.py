@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import math
-from collections.abc import Awaitable, Callable, Mapping
+from collections.abc import Awaitable, Callable
 
 from drivers.errors import DeviceError
 from drivers.inputs.interface import Inputs as InputDevices
@@ -24,18 +24,22 @@ from robot.ledger.values import Intent, Leak, Outcome, Result
 METER_SETTLE_S = 0.15  # after the valve is shut, until the flow meter has counted its last pulse
 
 Stop = Callable[[str], Awaitable[tuple[PartStopped, ...]]]
+Report = Callable[[str, str], Awaitable[None]]
 
 
 class Liquid:
-    """Opens the valve and runs the pump, always by the board's own timers. ``stop`` stops the whole machine."""
+    """Opens the valve and runs the pump, always by the board's own timers.
+
+    ``stop`` stops the whole machine; ``report`` takes a fault of the catalogue and does what it asks for.
+    """
 
     def __init__(
         self, relay: RelayBoard, inputs: InputDevices, ledger: Ledger, gate: Gate, readings: Readings,
-        settings: HandSettings, stop: Stop,
+        settings: HandSettings, stop: Stop, report: Report,
     ) -> None:  # fmt: skip
         self._relay, self._inputs = relay, inputs
         self._gate, self._readings, self._settings = gate, readings, settings
-        self._stop = stop
+        self._stop, self._report = stop, report
         self._account = FlowAccount(settings)
         self._books = Bookkeeper(ledger)
         self._flow = FlowWatch(ledger, settings.meter_ml_per_pulse)
@@ -44,14 +48,7 @@ class Liquid:
         self._pump_until_s = -math.inf
         self._cut = asyncio.Event()
         self._cut_reason = ""
-        self._leaked_ml = 0.0  # since the machine was last armed with a tight valve
         self.shot_under_way = False
-
-    @property
-    def faults(self) -> Mapping[str, str]:
-        """What is wrong with liquid and ledger now: number in the fault catalogue -> what a person should read."""
-        leak = {"F10": _leak_text(self._leaked_ml)} if self._leaked_ml > 0.0 else {}
-        return {**leak, **self._flow.faults, **self._books.faults}
 
     async def nozzle_checked(self, operator: str) -> None:
         """An operator has seen to the nozzle: its history begins anew."""
@@ -105,24 +102,34 @@ class Liquid:
             if leak is not None:
                 await self._take_leak(leak)
         self._books.retry()
+        await self._look_at_disk()
+
+    async def _look_at_disk(self) -> None:
+        for fault_id, text in self._books.faults.items():
+            if not self._gate.stands(fault_id):
+                await self._report(fault_id, text)
+        if "F39" not in self._books.faults and self._gate.stands("F39"):
+            self._gate.clear("F39")
 
     async def _take_leak(self, leak: Leak) -> None:
-        first = self._leaked_ml == 0.0 or self._gate.armed
-        self._leaked_ml += leak.booked_ml
-        self._readings.tank_left_ml -= leak.booked_ml
+        self._gate.book_leak(leak.booked_ml)
         self._books.leak(self._task_id, leak, self._account.booked_to_ml)
-        if first:
-            self.cut()
-            await asyncio.gather(
-                stop_part("pump", lambda: self._relay.cancel(Channel.PUMP)),
-                stop_part("contactor", lambda: self._relay.switch(Channel.CONTACTOR, False)),
-                self._stop(_leak_text(leak.booked_ml)),
-            )
+        if self._gate.stands("F10"):
+            return
+        text = (
+            f"the valve leaks: {leak.booked_ml:.1f} ml passed the flow meter while it was shut; "
+            "close the supply and change the valve"
+        )
+        self.cut()
+        await asyncio.gather(
+            stop_part("pump", lambda: self._relay.cancel(Channel.PUMP)),
+            stop_part("contactor", lambda: self._relay.switch(Channel.CONTACTOR, False)),
+            self._report("F10", text),
+        )
 
     async def start_pump(self) -> None:
         """Ask for pressure. The pump runs on leases: it stops by itself when nobody renews them."""
         self._gate.demand_armed()
-        self._leaked_ml = 0.0
         self._pump_wanted = True
         await self.renew_pump()
 
@@ -147,10 +154,10 @@ class Liquid:
         """
         if self._task_id is None:
             raise Refused("no task is open in the ledger; begin one before spraying")
-        if self._flow.problem:
-            raise Refused(f"no spray: {self._flow.problem}")
         await self.renew_pump(order.pulse_s + 1.0)
-        request = safety.SprayRequest(order.target_id, order.dose_ml, order.full_ml, order.open_s, order.pulse_s)
+        request = safety.SprayRequest(
+            order.target_id, order.dose_ml, order.full_ml, order.open_s, order.pulse_s, order.cell
+        )
         self._gate.demand_spray(request)
         self._cut.clear()
         self._cut_reason = ""
@@ -190,6 +197,7 @@ class Liquid:
             await self._books.result(intent_id, result, self._account.booked_to_ml)
             if result.outcome is Outcome.UNCERTAIN:
                 await self._stop(f"the shot at target {order.target_id} is uncertain: {result.reason}")
+            await self._look_at_flow(order, result)
             return result
         except Exception as error:
             await self._stop(f"the shot at target {order.target_id} could not be accounted for: {error}")
@@ -228,14 +236,14 @@ class Liquid:
         why_short = self._cut_reason or "a stop"
         result = outcome_of(order, shut_s - opened_s, problem, why_short, counted, self._settings, now_s())
         self._account.credit(result.booked_ml - (counted[1] or 0.0), opened_s + order.pulse_s + METER_SETTLE_S)
-        if not problem:
-            await self._look_at_flow(order, result)
         return result
 
     async def _look_at_flow(self, order: PulseOrder, result: Result) -> None:
-        self._flow.take(order.model_ml, result, self._readings)
+        problem = self._flow.take(order.model_ml, result, self._readings)
         if self._flow.dry:  # against air the pump does not run on
             await stop_part("pump", self.stop_pump)
+        if problem:
+            await self._report("F66", problem)
 
     async def _read_back_shut(self) -> None:
         self._readings.relay = await self._relay.read()
@@ -250,9 +258,3 @@ class Liquid:
         except DeviceError:
             return self._account.take(None, math.nan)  # the poll of the sensors reports the fault itself
         return self._account.take(self._readings.sensors.flow_total_ml, self._readings.sensors.stamp_s)
-
-
-def _leak_text(ml: float) -> str:
-    return (
-        f"the valve leaks: {ml:.1f} ml passed the flow meter while it was shut; close the supply and change the valve"
-    )

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from datetime import datetime
 from pathlib import Path
 
+from robot import safety
 from robot.errors import ConfigError, UsageError
 from robot.ledger import Ledger
 from robot.ledger.values import Task
@@ -36,3 +38,15 @@ def taken_by_hand_ml(ledger: Ledger, task_id: int) -> float:
     """What was sprayed by hand since the task began: it is gone from the tank."""
     later = [row.task_id for row in ledger.tasks() if row.task_id > task_id]
     return sum(ledger.totals(number).booked_ml for number in later if ledger.task(number).route == BY_HAND)
+
+
+def given_before(ledger: Ledger, task_id: int, utc: datetime, now_s: float) -> safety.Given:
+    """What counts for the caps of a task that begins or goes on at ``utc``, which is ``now_s`` on the loop's clock.
+
+    Shots of every earlier run, those without an outcome in full, and leaks.
+    """
+    sums = ledger.sums(task_id, utc)
+    return safety.Given(
+        sums.task_ml, sums.day_ml, tuple(sorted(sums.target_ml.items())), tuple(sorted(sums.cell_ml.items())),
+        tuple((now_s - entry.age_s, entry.ml) for entry in sums.minute),
+    )  # fmt: skip
