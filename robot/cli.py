@@ -22,6 +22,7 @@ from robot.commands.emulate import emulate
 from robot.commands.gps import app as gps
 from robot.commands.home import home
 from robot.commands.jog import app as jog
+from robot.commands.release import release
 from robot.commands.report import report
 from robot.commands.run import run
 from robot.commands.spray import spray
@@ -38,6 +39,7 @@ app.command()(doctor)
 app.command()(emulate)
 app.command()(detect)
 app.command()(report)
+app.command()(release)
 app.add_typer(arm, name="arm")
 app.add_typer(calibrate, name="calibrate")
 app.add_typer(config, name="config")
