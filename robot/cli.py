@@ -22,6 +22,7 @@ from robot.commands.exits import exit_code
 from robot.commands.gps import app as gps
 from robot.commands.home import home
 from robot.commands.jog import app as jog
+from robot.commands.release import release
 from robot.commands.report import report
 from robot.commands.run import run
 from robot.commands.spray import spray
@@ -39,6 +40,7 @@ app.command()(detect)
 app.command()(report)
 app.command()(status)
 order.add_to(app)
+app.command()(release)
 app.add_typer(arm, name="arm")
 app.add_typer(calibrate, name="calibrate")
 app.add_typer(config, name="config")

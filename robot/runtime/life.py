@@ -48,7 +48,8 @@ class Life:
         self._localiser = Localiser(settings.track_m, settings.datum, settings.fix_rules)
         self._upkeep = Upkeep(config, devices, ledger, self._mode_changed, self._trouble)
         self.actuation = self._upkeep.actuation
-        self.tasks = Tasks(ledger, self.actuation, today, remembers)
+        clock = asyncio.get_running_loop().time
+        self.tasks = Tasks(ledger, self.actuation, today, remembers, clock)
         self._rows = Rows(self._context)
         stops = len(settings.row.stops)
         self._report = StateReport(

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
+from datetime import UTC, datetime
 
 from robot import safety
 from robot.actuation import LEDGER_WRITE_S, Actuation
@@ -12,8 +14,7 @@ from robot.errors import ConfigError, UsageError
 from robot.ledger import Ledger
 from robot.ledger.values import Checkpoint, Task
 from robot.mission import Progress, State, rewound
-from robot.runtime.resuming import BY_HAND, cells_ml, given_by_target_ml, taken_by_hand_ml, task_to_resume
-from robot.targets import book_of
+from robot.runtime.resuming import BY_HAND, given_before, taken_by_hand_ml, task_to_resume
 
 
 @dataclass(slots=True, eq=False)
@@ -34,17 +35,24 @@ class OpenTask:
 
 
 class Tasks:
-    """Opens tasks. ``remembers``: an earlier life's task can be gone on with (a new simulated machine knows none)."""
+    """Opens tasks. ``remembers``: an earlier life's task can be gone on with (a new simulated machine knows none).
 
-    def __init__(self, ledger: Ledger, actuation: Actuation, today: Task, remembers: bool) -> None:
+    ``clock`` is the loop's, read from any thread.
+    """
+
+    def __init__(
+        self, ledger: Ledger, actuation: Actuation, today: Task, remembers: bool, clock: Callable[[], float]
+    ) -> None:
         self._ledger, self._actuation, self._today, self._remembers = ledger, actuation, today, remembers
+        self._clock = clock
         self.current: OpenTask | None = None
 
     def open(self, resume: bool) -> OpenTask:
         """A new task, with a full tank, at the row's start; or the unfinished one of this life, or the newest of an
         earlier one, as the ledger knows it. Reads and writes the ledger: not for the loop of a machine that moves."""
         if not resume:
-            return OpenTask(self._ledger.begin_task(self._today), left_ml=self._today.tank_fill_ml)
+            task_id = self._ledger.begin_task(self._today)
+            return OpenTask(task_id, left_ml=self._today.tank_fill_ml, given=self._given(task_id))
         task = self.current
         if task is None or task.done:
             task = self._reopen()
@@ -68,13 +76,13 @@ class Tasks:
             await work(lambda: task_to_resume(self._ledger, self._today), LEDGER_WRITE_S)
         except (ConfigError, UsageError) as error:
             raise Declined(f"{error}; or ask for a new task") from error
-        given_ml, by_hand_ml = await work(lambda: self._given_ml(number), LEDGER_WRITE_S)
-        total_ml = sum(given_ml.values())
+        total_ml = (await work(lambda: self._given(number), LEDGER_WRITE_S)).task_ml
         if self.current is not None and self.current.id == number:
             stop, left_ml = self.current.progress.stop, self._actuation.tank_left_ml
         else:
             checkpoint = await work(lambda: self._ledger.last_checkpoint(number), LEDGER_WRITE_S)
-            stop, left_ml = (checkpoint.stop if checkpoint else 0), self._today.tank_fill_ml - total_ml - by_hand_ml
+            stop = checkpoint.stop if checkpoint else 0
+            left_ml = await work(lambda: self._left_ml(number, total_ml), LEDGER_WRITE_S)
         return number, max(1, stop), left_ml, self._today.label_cap_ml - total_ml
 
     def _unfinished(self) -> int | None:
@@ -91,16 +99,17 @@ class Tasks:
     def _reopen(self) -> OpenTask:
         task_id = task_to_resume(self._ledger, self._today)
         checkpoint = self._ledger.last_checkpoint(task_id)
-        given_ml, by_hand_ml = self._given_ml(task_id)
-        total_ml = sum(given_ml.values())
-        cells = cells_ml(book_of(self._ledger.targets(task_id)), given_ml)
+        given = self._given(task_id)
         return OpenTask(
             task_id,
             Progress(stop=checkpoint.stop if checkpoint else 0),
             checkpoint,
-            left_ml=self._today.tank_fill_ml - total_ml - by_hand_ml,
-            given=safety.Given(total_ml, 0.0, tuple(sorted(given_ml.items())), cells),
+            left_ml=self._left_ml(task_id, given.task_ml),
+            given=given,
         )
 
-    def _given_ml(self, task_id: int) -> tuple[dict[int, float], float]:
-        return given_by_target_ml(self._ledger, task_id), taken_by_hand_ml(self._ledger, task_id)
+    def _given(self, task_id: int) -> safety.Given:
+        return given_before(self._ledger, task_id, datetime.now(UTC), self._clock())
+
+    def _left_ml(self, task_id: int, given_ml: float) -> float:
+        return self._today.tank_fill_ml - given_ml - taken_by_hand_ml(self._ledger, task_id)
