@@ -9,6 +9,7 @@ import sys
 import typer
 
 from drivers.errors import DeviceBusy, DeviceError
+from robot.commands.alloff_file import alloff_file
 from robot.commands.arm import app as arm
 from robot.commands.calibrate import app as calibrate
 from robot.commands.calibrate_check import calibrate_check
@@ -45,6 +46,7 @@ app.add_typer(gps, name="gps")
 app.add_typer(jog, name="jog")
 app.command()(spray)
 app.command()(trace)
+app.command()(alloff_file)
 arm.command("home")(home)
 calibrate.command("check")(calibrate_check)
 calibrate.command("flow")(calibrate_flow)
