@@ -11,6 +11,7 @@ from drivers.errors import DeviceError
 
 FIRST_RETRY_S = 0.2
 LONGEST_RETRY_S = 5.0
+SILENT = "silent for"
 
 
 class Health(StrEnum):
@@ -52,6 +53,20 @@ class Supervisor:
     @property
     def health(self) -> tuple[TaskHealth, ...]:
         return tuple(self._tasks.values())
+
+    def healthy(self) -> str:
+        """The reason why the process should be started anew; "" while every task gives signs of life.
+
+        A task whose device is gone tries again, and so is alive: a new process would not bring the device back.
+        """
+        now_s = asyncio.get_running_loop().time()
+        for task in self._tasks.values():
+            silent_s = now_s - task.beat_s
+            if task.state is Health.FAILED:
+                return f"{task.name} ({task.owner}): {task.last_error}"
+            if task.last_error.startswith(SILENT) and silent_s > task.longest_silence_s + LONGEST_RETRY_S:
+                return f"{task.name} ({task.owner}): no sign of life for {silent_s:.1f} s"
+        return ""
 
     def poll(
         self, name: str, owner: str, step: Callable[[], Awaitable[None]], period_s: float, longest_silence_s: float
@@ -98,7 +113,7 @@ class Supervisor:
             for task in self.health:
                 silent = now_s - task.beat_s > task.longest_silence_s
                 if silent and task.state in (Health.STARTING, Health.READY):
-                    self._enter(task.name, Health.DEGRADED, f"silent for {now_s - task.beat_s:.1f} s")
+                    self._enter(task.name, Health.DEGRADED, f"{SILENT} {now_s - task.beat_s:.1f} s")
 
     def _beat(self, name: str) -> None:
         now_s = asyncio.get_running_loop().time()

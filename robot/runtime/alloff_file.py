@@ -49,7 +49,7 @@ def alloff_places(run_directory: Path) -> tuple[Path, ...]:
 
 
 def write_alloff_file(config: Config, path: Path, socket: Path, ports: Mapping[str, str] | None = None) -> None:
-    """Render and put in place, whole or not at all. ``FileError`` when that cannot be, ``ConfigError`` as ``render``."""
+    """Render and put in place, whole or not at all. Raises ``FileError``, and what ``render`` raises."""
     text = render(config, socket, ports)
     with atomic_file(path) as stream:
         stream.write(text.encode("utf-8"))

@@ -24,8 +24,10 @@ from robot.geometry import Pose2
 from robot.ledger import Ledger
 from robot.ledger.values import Checkpoint, Dangling, Task
 from robot.mission import Localiser, Mission, MissionContext, MissionSettings, Progress, State, Trouble
+from robot.runtime.alloff_file import SOCKET_NAME, alloff_places, runtime_directory, write_alloff_file
 from robot.runtime.backends import BuildOptions, build_devices, needs_twin, require_timed_pulses, watched
 from robot.runtime.devices import Devices, fault_plan, make_twin
+from robot.runtime.notify import Notifier, pet_watchdog
 from robot.runtime.recorder import FrameRecorder
 from robot.runtime.resuming import check_resumable, given_by_target_ml, taken_by_hand_ml, task_to_resume
 from robot.runtime.settings import load_arm, load_camera, load_row, mission_settings, task
@@ -120,6 +122,8 @@ async def run_robot(
         signals = signals or stack.enter_context(StopSignals())
         _make_folder(options.folder)
         ledger = stack.enter_context(Ledger.open(ledger_path(options.folder)))
+        for place in alloff_places(options.folder):  # before any port is opened, and only by the ledger's one holder
+            write_alloff_file(config, place, runtime_directory(options.folder) / SOCKET_NAME, options.ports)
         if options.resume:
             task_to_resume(ledger, todays_task)
         if twin is None and needs_twin(config):
@@ -180,6 +184,7 @@ class _Robot:
         self._progress = Progress()
         self._checkpoint: Checkpoint | None = None
         self._signals = signals
+        self._notifier = Notifier.from_environment()
         self.localiser = Localiser(settings.track_m, settings.datum, settings.fix_rules)
         self._upkeep = Upkeep(config, devices, ledger, self._mode_changed, self._trouble)
         self.actuation = self._upkeep.actuation
@@ -217,9 +222,14 @@ class _Robot:
         )
         async with self._upkeep.living(self.localiser.on_odometry, polls) as group:
             keeping = group.create_task(recorder.run(), name="frame recorder")
+            petting = group.create_task(pet_watchdog(self._notifier, self._upkeep.healthy), name="watchdog")
+            self._notifier.status(str(self.actuation.state.mode))
+            self._notifier.ready()
             try:
                 state = await self._work(group, context)
             finally:
+                self._notifier.stopping()
+                petting.cancel()
                 keeping.cancel()
         recorder.write_rest()
         self._keep_alignment()
@@ -278,6 +288,7 @@ class _Robot:
     def _mode_changed(self, state: safety.SafetyState) -> None:
         loop = asyncio.get_running_loop()
         self._bus.publish(ModeChanged(state.mode, state.causes, loop.time()))
+        self._notifier.status(": ".join((str(state.mode), *state.causes[-1:])))
         if self._mission is not None:
             self._mission.mode_changed(state)
 

@@ -44,6 +44,7 @@ class Upkeep:
         self._on_mode, self._on_trouble = on_mode, on_trouble
         self._modes = ModeLog(ledger)
         self._told = safety.SafetyState()
+        self._supervisor: Supervisor | None = None
         self.actuation = Actuation(
             devices.arm, devices.relay, devices.wheels, devices.inputs, ledger, limits(config), hand_settings(config),
             self._mode_changed,
@@ -60,6 +61,7 @@ class Upkeep:
         try:
             async with asyncio.TaskGroup() as group:
                 supervisor = Supervisor(group, lambda name, text: self._on_fault(group, name, text))
+                self._supervisor = supervisor
                 logging = group.create_task(self._modes.run(), name="mode log")
                 try:
                     self._supervise(supervisor, on_odometry, polls)
@@ -71,6 +73,10 @@ class Upkeep:
                     logging.cancel()
         finally:
             self._modes.write_rest()
+
+    def healthy(self) -> str:
+        """The reason why the process should be started anew, "" when there is none; see ``Supervisor.healthy``."""
+        return "nothing is supervised" if self._supervisor is None else self._supervisor.healthy()
 
     async def arm(self, verb: safety.Verb, cause: str, lamp: bool = False) -> None:
         """Contactor and torque on, then arm, then ``verb``. ``UnavailableError`` with the reasons against it."""
