@@ -22,6 +22,7 @@ from robot.commands.doctor import doctor
 from robot.commands.emulate import emulate
 from robot.commands.gps import app as gps
 from robot.commands.home import home
+from robot.commands.install import install
 from robot.commands.jog import app as jog
 from robot.commands.report import report
 from robot.commands.run import run
@@ -47,6 +48,7 @@ app.add_typer(jog, name="jog")
 app.command()(spray)
 app.command()(trace)
 app.command()(alloff_file)
+app.command()(install)
 arm.command("home")(home)
 calibrate.command("check")(calibrate_check)
 calibrate.command("flow")(calibrate_flow)
