@@ -92,6 +92,17 @@ class PtyWire:
         if self._link is not None:
             self._link.unlink(missing_ok=True)
 
+    def forget_dead_host(self, locks: str) -> None:
+        """Lift the exclusive use (TIOCEXCL) of a host that is gone, as the last close of a real device does: the end that
+        is kept open here would keep it up. ``locks`` is the content of /proc/locks, by which a living host is known.
+        """
+        if not self.plugged:
+            return
+        status = os.fstat(self._slave)
+        place = f"{os.major(status.st_dev):02x}:{os.minor(status.st_dev):02x}:{status.st_ino}"
+        if f" {place} " not in locks:
+            fcntl.ioctl(self._slave, termios.TIOCNXCL)
+
     def send(self, data: bytes, delay_s: float = 0.0) -> None:
         """Give ``data`` to the host as a whole: it begins ``delay_s`` from now, or after what is under way."""
         self._said_s = max(self._loop.time() + delay_s, self._said_s) + len(data) * self.byte_s

@@ -22,8 +22,9 @@ RELOAD = (
     ("systemd-sysusers", "/etc/sysusers.d/sprayer.conf"),
     ("systemctl", "daemon-reload"),
     ("systemd-tmpfiles", "--create", "/etc/tmpfiles.d/sprayer.conf"),
-    ("udevadm", "control", "--reload"),
 )
+RELOAD_RULES = ("udevadm", "control", "--reload")
+UDEV = Path("/run/udev/control")  # there while udev runs
 NEXT = f"""\
 next: put your adapters in {RULES} and your machine in {CONFIG}; try them:
   sprayer config check {CONFIG} && sprayer doctor --config {CONFIG}
@@ -98,6 +99,7 @@ class _Work:
         if self.running:
             for command in RELOAD:
                 self._run(command)
+            self._reload_rules()
 
     def uninstall(self, files: Iterable[Item]) -> None:
         """What is yours stays, and so do the user, the ledger and what else is in /var/lib/sprayer."""
@@ -110,7 +112,11 @@ class _Work:
             self._take_away(item)
         if self.running:
             self._run(("systemctl", "daemon-reload"))
-            self._run(("udevadm", "control", "--reload"))
+            self._reload_rules()
+
+    def _reload_rules(self) -> None:
+        if UDEV.exists():  # containers have none
+            self._run(RELOAD_RULES)
 
     def _put(self, item: Item) -> None:
         place = self._at(item.path)

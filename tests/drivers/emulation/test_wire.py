@@ -1,0 +1,47 @@
+"""An emulated port is as free for the next host as a real one is when its last one is gone."""
+
+from __future__ import annotations
+
+import asyncio
+import os
+import pwd
+from pathlib import Path
+
+import pytest
+
+from drivers import port_lock
+from drivers.emulation.wire import PtyWire
+
+
+@pytest.mark.skipif(os.geteuid() != 0, reason="TIOCEXCL is told from another user's open, which takes root to try")
+def test_exclusive_use_ends_with_the_host(tmp_path: Path) -> None:
+    async def main() -> tuple[bool, bool]:
+        wire = PtyWire(9600, lambda data: None)
+        wire.plug()
+        try:
+            host = os.open(wire.path, os.O_RDWR | os.O_NOCTTY)
+            port_lock.take(host, "relay", wire.path)
+            wire.forget_dead_host(Path("/proc/locks").read_text())
+            while_held = opens_as_another(wire.path)
+            os.close(host)  # killed: nothing is let go in order
+            wire.forget_dead_host(Path("/proc/locks").read_text())
+            return while_held, opens_as_another(wire.path)
+        finally:
+            port_lock.release(wire.path)
+            wire.unplug()
+
+    assert asyncio.run(main()) == (False, True)
+
+
+def opens_as_another(path: str) -> bool:
+    """Whether a user without privileges can open the terminal."""
+    os.chmod(path, 0o666)
+    child = os.fork()
+    if child == 0:
+        os.setuid(pwd.getpwnam("nobody").pw_uid)
+        try:
+            os.open(path, os.O_RDWR | os.O_NOCTTY)
+        except OSError:
+            os._exit(1)
+        os._exit(0)
+    return os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]) == 0

@@ -1,0 +1,182 @@
+"""The installed service under a real systemd, over the emulated rover: it comes up, goes down, and comes back clean."""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import pytest
+
+from drivers.relay.values import Channel
+from drivers.twin.aftermath import run_on
+from drivers.twin.commands import RelayAllOff, RelayPulse
+from drivers.twin.truth_record import read_truth
+
+from .conftest import EYES
+from .emulated import EMULATED, variables
+from .systemd_box import LIBRARIES, PROGRAM, Box, refusal, systemd_box
+
+pytestmark = [pytest.mark.long, pytest.mark.xdist_group("systemd")]
+
+SERVICE, FAILED = "sprayer.service", "sprayer-failed.service"
+EMULATOR = "emulator.service"
+LINKS = "/run/sprayer-emulated"
+START_ONCE = "/var/lib/sprayer/start-once"
+PULSE = '"device":"relay","verb":"pulse","args":{"channel":"valve"'
+CONFIG = 78
+
+# Stands before ``sprayer run``: the first life is told to start, and to confirm it, as by a person at a terminal.
+AT_A_TERMINAL = f"""#!/bin/sh
+exec {{python}} -c 'import os, pty, sys
+if os.path.exists("{START_ONCE}"):
+    os.unlink("{START_ONCE}")
+    hand, terminal = pty.openpty()
+    os.write(hand, b"spray\\n")
+    os.dup2(terminal, 0)
+    os.set_inheritable(hand, True)
+    sys.argv.append("--start")
+os.execv("{PROGRAM}", ["{PROGRAM}", *sys.argv[1:]])' "$@"
+"""
+
+
+@pytest.fixture(scope="module")
+def computer(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Box]:
+    """A box with the service installed as the documentation says, its configuration that of the emulated rover."""
+    if why := refusal():
+        pytest.skip(f"no real systemd here: {why}")
+    shared = tmp_path_factory.mktemp("box")
+    with systemd_box(shared) as box:
+        box.run(PROGRAM, "install", "--program", PROGRAM)
+        (shared / "short.toml").write_text(
+            'name = "short"\n[[row]]\nname = "A"\nside = "left"\nlength_m = 1.6\nstops_m = [0.45, 0.85]\n'
+        )
+        box.run("install", "-D", "/box/short.toml", "/etc/sprayer/routes/short.toml")
+        box.put("/opt/sprayer/bin/at-a-terminal", AT_A_TERMINAL.format(python="/usr/bin/python3"), 0o755)
+        started = box.run("systemctl", "cat", SERVICE)
+        line = next(line for line in started.splitlines() if line.startswith("ExecStart="))
+        changed = line.replace(PROGRAM, "/opt/sprayer/bin/at-a-terminal")
+        box.put(f"/etc/systemd/system/{SERVICE}.d/box.conf", f"[Service]\nExecStart=\n{changed}\nEnvironment={LIBRARIES}\n")
+        box.run("systemctl", "daemon-reload")
+        yield box
+
+
+@pytest.fixture
+def machine(computer: Box) -> Iterator[Path]:
+    """The emulated rover, where the service looks for it; its truth file. The service is down before and after."""
+    with emulator(computer) as truth:
+        computer.run("systemctl", "reset-failed", SERVICE, FAILED, ok=(0, 1))
+        computer.run("journalctl", "--rotate")
+        computer.run("journalctl", "--vacuum-time=1s")
+        configure(computer)
+        yield truth
+        computer.run("systemctl", "stop", SERVICE)
+
+
+@contextmanager
+def emulator(box: Box) -> Iterator[Path]:
+    truth = box.shared / "truth.jsonl"
+    told = box.shared / "ports.json"
+    for file in (truth, told):
+        file.unlink(missing_ok=True)
+    box.run(
+        "systemd-run", "--unit", EMULATOR, "--collect", "--property", "StandardOutput=truncate:/box/ports.json", "--",
+        PROGRAM, "emulate", "--config", "emulated.toml", "--json", "--links", LINKS, "--truth", "/box/truth.jsonl",
+    )  # fmt: skip
+    box.until("the emulated rover is up", lambda: told.exists() and told.read_text().endswith("\n"))
+    ports = json.loads(told.read_text())
+    stable = {name: port if "://" in port or ":" in port else f"{LINKS}/{name}" for name, port in ports.items()}
+    stable["inputs"] = stable["relay"]
+    lines = [f"{name}={value}" for name, value in (variables(stable) | EYES).items() if "NTRIP" not in name]
+    box.put("/etc/sprayer/secrets.env", "\n".join(lines) + "\n", 0o600)
+    try:
+        yield truth
+    finally:
+        box.run("systemctl", "stop", EMULATOR)
+
+
+def configure(box: Box, **replaced: str) -> None:
+    text = EMULATED.read_text().replace("routes/demo.toml", "routes/short.toml").replace("/tmp/sprayer-emulated", LINKS)
+    for old, new in replaced.items():
+        text = text.replace(old, new)
+    box.put("/etc/sprayer/rover.toml", text)
+
+
+def alive(box: Box) -> dict[str, str]:
+    return box.show(SERVICE, "ActiveState", "SubState", "NRestarts", "StatusText", "Result", "MainPID", "ExecMainStatus")
+
+
+def test_the_service_comes_up_disarmed_and_goes_down_clean(computer: Box, machine: Path) -> None:
+    computer.run("systemctl", "start", SERVICE)  # returns once it has said READY=1
+    state = alive(computer)
+    assert (state["ActiveState"], state["StatusText"], state["NRestarts"]) == ("active", "disarmed", "0")
+    assert computer.run("cat", "/run/sprayer/alloff.conf").startswith("sprayer-alloff 1\n")
+    owner = computer.run("stat", "--format", "%U", f"/proc/{state['MainPID']}").strip()
+    assert owner == "sprayer"
+    computer.run("systemctl", "stop", SERVICE)
+    state = alive(computer)
+    ended = (state["ActiveState"], state["Result"], state["ExecMainStatus"])
+    assert ended == ("inactive", "success", "0"), computer.said(SERVICE)
+    assert "called because of: success" in computer.said(SERVICE)
+    assert "relay: off, read back" in computer.said(SERVICE)
+
+
+def test_a_process_that_hangs_in_a_shot_is_ended_switched_off_and_comes_back_disarmed(
+    computer: Box, machine: Path
+) -> None:
+    computer.run("install", "-o", "sprayer", "/dev/null", START_ONCE)
+    computer.run("systemctl", "start", SERVICE)
+    first = alive(computer)["MainPID"]
+    computer.until("the valve opens", lambda: machine.read_text(errors="replace").count(PULSE) > 0)
+    computer.run("kill", "-STOP", first)
+    computer.until("it is back", lambda: came_back(computer))
+    assert alive(computer)["StatusText"] == "disarmed"
+    said = computer.said(SERVICE)
+    assert "Watchdog timeout" in said
+    assert "called because of: watchdog" in said
+    assert said.count("relay: off, read back") >= 2  # after the kill, and before the new start
+    computer.run("systemctl", "stop", SERVICE)
+    after = run_on(machine)
+    assert not any(after.coils.values())
+    commands = read_truth(machine).processes[-1].commands
+    pulses = [timed for timed in commands if isinstance(timed.command, RelayPulse)]
+    shots = [timed for timed in pulses if timed.command.channel is Channel.VALVE]
+    longest_s = max(timed.command.duration_s for timed in shots)
+    assert after.longest_opening_s <= longest_s + 0.1
+    offs = [timed.t for timed in commands if isinstance(timed.command, RelayAllOff) or "all_off" in repr(timed.command)]
+    assert not [timed for timed in pulses if offs and timed.t > offs[-1]]
+
+
+def came_back(box: Box) -> bool:
+    state = alive(box)
+    return state["NRestarts"] == "1" and state["ActiveState"] == "active"
+
+
+def test_a_wrong_configuration_is_not_tried_again_and_is_reported(computer: Box, machine: Path) -> None:
+    computer.run("systemctl", "start", SERVICE)
+    configure(computer, **{"[robot]": "[robot]\nnmae = 1"})
+    computer.run("systemctl", "restart", SERVICE, ok=(0, 1))
+    computer.until("it has failed", lambda: alive(computer)["ActiveState"] == "failed", 30.0)
+    state = alive(computer)
+    assert (state["ExecMainStatus"], state["NRestarts"]) == (str(CONFIG), "0")
+    computer.until("it is reported", lambda: "has failed and stays down" in computer.said(FAILED), 20.0)
+    reports = [entry for entry in computer.journal(FAILED) if "has failed and stays down" in entry["MESSAGE"]]
+    assert reports[0]["PRIORITY"] == "2"
+    assert "relay: off, read back" in computer.said(FAILED)
+
+
+def test_a_killed_process_is_started_again_and_leaves_nothing_on(computer: Box, machine: Path) -> None:
+    computer.run("systemctl", "start", SERVICE)
+    computer.run("kill", "-KILL", alive(computer)["MainPID"])
+    computer.until("it is back", lambda: came_back(computer))
+    assert "called because of: signal" in computer.said(SERVICE)
+    assert alive(computer)["StatusText"] == "disarmed"
+
+
+def test_the_installation_goes_away_and_leaves_what_is_the_operators(computer: Box) -> None:
+    said = computer.run(PROGRAM, "install", "--program", PROGRAM, "--uninstall")
+    assert "keep /etc/sprayer/rover.toml (yours)" in said
+    assert "could not be found" in computer.run("systemctl", "status", FAILED, ok=(4,))
+    assert os.listdir(computer.shared)
