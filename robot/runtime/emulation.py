@@ -46,7 +46,6 @@ from robot.runtime.settings import load_arm, load_camera, load_row
 DEVICES = ("arm", "relay", "inputs", "gps", "modem", "wheels", "camera")
 LOOK_S = 0.02  # how often plugs and the clock of the machine are seen to
 LOOKS_A_HOST = 10  # so many looks, and dead hosts are forgotten
-LOCKS = Path("/proc/locks")
 
 
 @asynccontextmanager
@@ -126,9 +125,8 @@ class EmulatedRover:
         for look in itertools.count():
             now_s = self._clock()
             if look % LOOKS_A_HOST == 0:
-                locks = LOCKS.read_text(encoding="ascii")
                 for wire in self._wires.values():
-                    wire.forget_dead_host(locks)
+                    wire.forget_dead_host()
             pulled = {wire for name, wire in self._wires.items() if self._twin.verb(name, now_s) is Verb.UNPLUGGED}
             for wire in self._wires.values():
                 if wire in pulled:  # with all that is on it

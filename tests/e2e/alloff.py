@@ -82,6 +82,11 @@ class Machine:
         self.controller.answer(16, head + struct.pack(">hh", 20, -20))  # the right wheel is mounted mirrored
 
     @property
+    def valve_open(self) -> bool:
+        self.twin.advance(self.clock())
+        return self.twin.valve_open
+
+    @property
     def speed_m_s(self) -> float:
         self.twin.advance(self.clock())
         return self.twin.physics.drive.speeds_m_s[0]

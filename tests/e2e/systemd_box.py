@@ -1,4 +1,4 @@
-"""A real systemd in namespaces of its own, with this program installed: what CI has in the place of a rover's computer.
+"""A real systemd in namespaces of its own, with this program in it: what CI has in the place of a rover's computer.
 
 It needs root, overlayfs and a writable cgroup2 tree; ``refusal`` says what is missing. Nothing outside is changed: files
 go into an overlay that is thrown away, processes end with the box.
@@ -26,8 +26,12 @@ NAMESPACES = ("--mount", "--pid", "--fork", "--cgroup", "--net", "--uts", "--ipc
 UP_S = 30.0
 PROGRAM = "/opt/sprayer/bin/sprayer"
 SITE_PACKAGES = Path(cv2.__file__).parents[1]
-_PLACES = {REPOSITORY: "/opt/sprayer/src", SITE_PACKAGES: "/opt/sprayer/site", Path(sys.base_prefix): "/opt/sprayer/python"}
-LIBRARIES = "LD_LIBRARY_PATH=/opt/sprayer/python/lib"  # for a Python that was built where the service cannot look
+_PLACES = {
+    REPOSITORY: "/opt/sprayer/src",
+    SITE_PACKAGES: "/opt/sprayer/site",
+    Path(sys.base_prefix): "/opt/sprayer/python",
+}
+LIBRARIES = "LD_LIBRARY_PATH=/opt/sprayer/python/lib"  # of a Python that was built where the service cannot look
 _PYTHON = f"/opt/sprayer/python/bin/python{sys.version_info.major}.{sys.version_info.minor}"
 
 
@@ -42,7 +46,8 @@ def refusal() -> str:
         return f"not installed: {', '.join(missing)}"
     if (tree := _cgroups()) is None or not os.access(tree, os.W_OK):
         return "no writable cgroup2 tree"
-    tried = subprocess.run(["unshare", *NAMESPACES, "mount", "-t", "tmpfs", "tmpfs", "/mnt"], capture_output=True, text=True)
+    command = ["unshare", *NAMESPACES, "mount", "-t", "tmpfs", "tmpfs", "/mnt"]
+    tried = subprocess.run(command, capture_output=True, text=True, check=False)
     return f"namespaces are refused ({tried.stderr.strip()})" if tried.returncode else ""
 
 
@@ -137,7 +142,8 @@ def _init_of(process: subprocess.Popen[bytes]) -> int:
 
 
 def _is_up(box: Box) -> bool:
-    tried = subprocess.run(box.command("systemctl", "is-active", "box.target"), capture_output=True, text=True, check=False)
+    command = box.command("systemctl", "is-active", "box.target")
+    tried = subprocess.run(command, capture_output=True, text=True, check=False)
     return tried.stdout.strip() == "active"
 
 

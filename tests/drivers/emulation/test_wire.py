@@ -5,7 +5,6 @@ from __future__ import annotations
 import asyncio
 import os
 import subprocess
-from pathlib import Path
 
 import pytest
 
@@ -14,17 +13,17 @@ from drivers.emulation.wire import PtyWire
 
 
 @pytest.mark.skipif(os.geteuid() != 0, reason="TIOCEXCL is told from another user's open, which takes root to try")
-def test_exclusive_use_ends_with_the_host(tmp_path: Path) -> None:
+def test_exclusive_use_ends_with_the_host() -> None:
     async def main() -> tuple[bool, bool]:
         wire = PtyWire(9600, lambda data: None)
         wire.plug()
         try:
             host = os.open(wire.path, os.O_RDWR | os.O_NOCTTY)
             port_lock.take(host, "relay", wire.path)
-            wire.forget_dead_host(Path("/proc/locks").read_text())
+            wire.forget_dead_host()
             while_held = opens_as_another(wire.path)
             os.close(host)  # killed: nothing is let go in order
-            wire.forget_dead_host(Path("/proc/locks").read_text())
+            wire.forget_dead_host()
             return while_held, opens_as_another(wire.path)
         finally:
             port_lock.release(wire.path)
