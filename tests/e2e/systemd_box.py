@@ -1,6 +1,6 @@
 """A real systemd in namespaces of its own, with this program in it: what CI has in the place of a rover's computer.
 
-It needs root, overlayfs and a writable cgroup2 tree; ``refusal`` says what is missing. Nothing outside is changed: files
+It needs root, overlayfs and a writable cgroup2 tree; ``refusal`` says what is missing. Nothing outside changes: files
 go into an overlay that is thrown away, processes end with the box.
 """
 
