@@ -43,9 +43,13 @@ def runtime_directory(run_directory: Path) -> Path:
     return Path(given) if given else run_directory
 
 
-def alloff_places(run_directory: Path) -> tuple[Path, ...]:
-    """Where the flat file is written: under systemd also in the run directory, for /run is empty after a boot."""
-    return tuple(dict.fromkeys(folder / FILE_NAME for folder in (runtime_directory(run_directory), run_directory)))
+def write_alloff_files(config: Config, run_directory: Path, ports: Mapping[str, str] | None = None) -> None:
+    """For a life that is about to open its ports; under systemd also in the run directory, for /run is empty after a
+    boot. To be called by the holder of the ledger's lock. Raises as ``write_alloff_file``.
+    """
+    folder = runtime_directory(run_directory)
+    for place in dict.fromkeys((folder, run_directory)):
+        write_alloff_file(config, place / FILE_NAME, folder / SOCKET_NAME, ports)
 
 
 def write_alloff_file(config: Config, path: Path, socket: Path, ports: Mapping[str, str] | None = None) -> None:

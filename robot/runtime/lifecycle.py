@@ -24,7 +24,7 @@ from robot.geometry import Pose2
 from robot.ledger import Ledger
 from robot.ledger.values import Checkpoint, Dangling, Task
 from robot.mission import Localiser, Mission, MissionContext, MissionSettings, Progress, State, Trouble
-from robot.runtime.alloff_file import SOCKET_NAME, alloff_places, runtime_directory, write_alloff_file
+from robot.runtime.alloff_file import write_alloff_files
 from robot.runtime.backends import BuildOptions, build_devices, needs_twin, require_timed_pulses, watched
 from robot.runtime.devices import Devices, fault_plan, make_twin
 from robot.runtime.notify import Notifier, pet_watchdog
@@ -122,8 +122,7 @@ async def run_robot(
         signals = signals or stack.enter_context(StopSignals())
         _make_folder(options.folder)
         ledger = stack.enter_context(Ledger.open(ledger_path(options.folder)))
-        for place in alloff_places(options.folder):  # before any port is opened, and only by the ledger's one holder
-            write_alloff_file(config, place, runtime_directory(options.folder) / SOCKET_NAME, options.ports)
+        write_alloff_files(config, options.folder, options.ports)
         if options.resume:
             task_to_resume(ledger, todays_task)
         if twin is None and needs_twin(config):

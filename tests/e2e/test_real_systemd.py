@@ -198,6 +198,19 @@ def test_a_killed_process_is_started_again_and_leaves_nothing_on(computer: Box, 
     assert alive(computer)["StatusText"] == "disarmed"
 
 
+def test_udev_names_a_port_and_keeps_others_off(computer: Box) -> None:
+    rules = "/etc/udev/rules.d/60-sprayer-ports.rules"
+    text = computer.run("cat", rules)
+    example = '#KERNEL=="ttyAMA0", '
+    assert example in text
+    computer.put(rules, text.replace(example, 'KERNEL=="tty", '))
+    told = computer.run("udevadm", "test", "--action=add", "/sys/class/tty/tty")
+    assert "Invalid" not in told
+    assert "LINK 'sprayer-relay'" in told
+    properties = set(told.splitlines())
+    assert {"SPRAYER_PORT=relay", "ID_MM_PORT_IGNORE=1", "ID_MM_DEVICE_IGNORE=1", "TAGS=:systemd:"} <= properties
+
+
 def test_the_installation_goes_away_and_leaves_what_is_the_operators(computer: Box) -> None:
     said = computer.run(PROGRAM, "install", "--program", PROGRAM, "--uninstall")
     assert "keep /etc/sprayer/rover.toml (yours)" in said
