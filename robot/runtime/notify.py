@@ -6,8 +6,8 @@ import asyncio
 import logging
 import os
 import socket
-from collections.abc import Callable, Mapping
-from contextlib import suppress
+from collections.abc import AsyncIterator, Callable, Mapping
+from contextlib import asynccontextmanager, suppress
 
 PETS_A_PERIOD = 5
 LONGEST_STATUS = 200
@@ -79,6 +79,20 @@ def _watchdog_period_s(environment: Mapping[str, str], process: int) -> float | 
         period_us = int(environment.get("WATCHDOG_USEC", ""))
         return 1e-6 * period_us if period_us > 0 else None
     return None
+
+
+@asynccontextmanager
+async def managed(notifier: Notifier, healthy: Callable[[], str], status: str) -> AsyncIterator[None]:
+    """Ready when the block begins, the watchdog petted while it lasts, stopping when it ends. ``status``: at first."""
+    async with asyncio.TaskGroup() as group:
+        petting = group.create_task(pet_watchdog(notifier, healthy), name="watchdog")
+        notifier.status(status)
+        notifier.ready()
+        try:
+            yield
+        finally:
+            notifier.stopping()
+            petting.cancel()
 
 
 async def pet_watchdog(notifier: Notifier, healthy: Callable[[], str]) -> None:

@@ -16,8 +16,8 @@ from robot.ledger import Ledger
 from robot.runtime.devices import Devices
 from robot.runtime.mode_log import ModeLog
 from robot.runtime.settings import hand_settings, limits
-from robot.safety.failsafe import Action, action_for
-from robot.supervision import Supervisor
+from robot.safety.failsafe import TASK_FAULTS, fault_of
+from robot.supervision import Health, Supervisor, TaskHealth
 
 FIRST_READINGS_S = 3.0
 _MUST_STOP = (safety.Mode.AUTO, safety.Mode.MANUAL, safety.Mode.PAUSED, safety.Mode.SAFE_STOP, safety.Mode.ESTOP)
@@ -44,7 +44,8 @@ class Upkeep:
         self._on_mode, self._on_trouble = on_mode, on_trouble
         self._modes = ModeLog(ledger)
         self._told = safety.SafetyState()
-        self._supervisor: Supervisor | None = None
+        self.supervisor: Supervisor | None = None  # while ``living`` lasts, and what was of it afterwards
+        self._resumes_itself = config.safety.self_resume
         self.actuation = Actuation(
             devices.arm, devices.relay, devices.wheels, devices.inputs, ledger, limits(config), hand_settings(config),
             self._mode_changed,
@@ -61,7 +62,7 @@ class Upkeep:
         try:
             async with asyncio.TaskGroup() as group:
                 supervisor = Supervisor(group, lambda name, text: self._on_fault(group, name, text))
-                self._supervisor = supervisor
+                self.supervisor = supervisor
                 logging = group.create_task(self._modes.run(), name="mode log")
                 try:
                     self._supervise(supervisor, on_odometry, polls)
@@ -73,10 +74,6 @@ class Upkeep:
                     logging.cancel()
         finally:
             self._modes.write_rest()
-
-    def healthy(self) -> str:
-        """The reason why the process should be started anew, "" when there is none; see ``Supervisor.healthy``."""
-        return "nothing is supervised" if self._supervisor is None else self._supervisor.healthy()
 
     async def arm(self, verb: safety.Verb, cause: str, lamp: bool = False) -> None:
         """Contactor and torque on, then arm, then ``verb``. ``UnavailableError`` with the reasons against it."""
@@ -99,9 +96,18 @@ class Upkeep:
         supervisor.poll("odometry", "actuation", poll_odometry, 0.05, 0.3)
         supervisor.poll("arm", "actuation", self.actuation.poll_arm, 0.1, 0.5)
         supervisor.poll("relay", "actuation", self.actuation.poll_relay, 0.2, 5.0)
+        supervisor.poll("faults", "actuation", lambda: self._look_after(supervisor), 0.2, 1.0)
         for poll in polls:
             supervisor.poll(poll.name, poll.owner, poll.step, poll.period_s, poll.longest_silence_s)
         supervisor.watch()
+
+    async def _look_after(self, supervisor: Supervisor) -> None:
+        """Clear the faults of tasks that are well again, and end a pause that may end by itself."""
+        for fault_id in sorted({fault.id for fault in self.actuation.state.faults} & _TASKS_FAULTS):
+            if all(health.state is Health.READY for health in _tasks_of(fault_id, supervisor.health)):
+                self.actuation.clear(fault_id)
+        if self._resumes_itself and self.actuation.state.mode is safety.Mode.PAUSED:
+            self.actuation.change_mode(safety.Verb.RESUME_SELF, "the cause of the pause is gone")
 
     async def _first_readings(self) -> None:
         try:
@@ -139,5 +145,11 @@ class Upkeep:
     def _on_fault(self, group: asyncio.TaskGroup, name: str, text: str) -> None:
         what = text if text.startswith(f"{name}: ") else f"{name}: {text}"
         self._on_trouble(what)
-        if action_for(name) >= Action.PAUSE and self.actuation.state.mode is not safety.Mode.DISARMED:
-            group.create_task(self.actuation.stop(what), name=f"stop for {name}")
+        group.create_task(self.actuation.report(fault_of(name), what), name=f"fault of {name}")
+
+
+_TASKS_FAULTS = frozenset(TASK_FAULTS.values()) | {fault_of("any other task")}
+
+
+def _tasks_of(fault_id: str, tasks: Sequence[TaskHealth]) -> list[TaskHealth]:
+    return [task for task in tasks if fault_of(task.name) == fault_id]
