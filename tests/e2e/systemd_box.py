@@ -41,7 +41,7 @@ def refusal() -> str:
         return "not root"
     if not SYSTEMD.exists():
         return f"{SYSTEMD} is not installed (apt-get install systemd)"
-    missing = [tool for tool in ("unshare", "nsenter", "pivot_root", "ip") if shutil.which(tool) is None]
+    missing = [tool for tool in ("unshare", "nsenter", "setpriv", "pivot_root", "ip") if shutil.which(tool) is None]
     if missing:
         return f"not installed: {', '.join(missing)}"
     if (tree := _cgroups()) is None or not os.access(tree, os.W_OK):
@@ -107,7 +107,8 @@ def systemd_box(shared: Path) -> Iterator[Box]:
     group = tree / f"sprayer-box-{os.getpid()}"
     group.mkdir()
     places = [f"{folder}={place}" for folder, place in _PLACES.items()]
-    join = f'echo $$ > {group}/cgroup.procs && exec unshare {" ".join(NAMESPACES)} --kill-child "$@"'
+    guarded = f"setpriv --pdeathsig KILL unshare {' '.join(NAMESPACES)} --kill-child"  # it ends with this process
+    join = f'echo $$ > {group}/cgroup.procs && exec {guarded} "$@"'
     process = subprocess.Popen(
         ["bash", "-c", join, "box", "bash", str(SCRIPT), str(shared), *places],
         stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, start_new_session=True,
