@@ -8,6 +8,7 @@ import sys
 import typer
 
 from robot.commands import order
+from robot.commands.alloff_file import alloff_file
 from robot.commands.arm import app as arm
 from robot.commands.calibrate import app as calibrate
 from robot.commands.calibrate_check import calibrate_check
@@ -21,6 +22,7 @@ from robot.commands.emulate import emulate
 from robot.commands.exits import exit_code
 from robot.commands.gps import app as gps
 from robot.commands.home import home
+from robot.commands.install import install
 from robot.commands.jog import app as jog
 from robot.commands.release import release
 from robot.commands.report import report
@@ -48,6 +50,8 @@ app.add_typer(gps, name="gps")
 app.add_typer(jog, name="jog")
 app.command()(spray)
 app.command()(trace)
+app.command()(alloff_file)
+app.command()(install)
 arm.command("home")(home)
 calibrate.command("check")(calibrate_check)
 calibrate.command("flow")(calibrate_flow)

@@ -19,6 +19,7 @@ from robot.ledger.values import Task
 from robot.mission import Localiser, MissionContext, MissionSettings, State, Trouble
 from robot.runtime.backends import require_timed_pulses
 from robot.runtime.devices import Devices
+from robot.runtime.notify import Notifier, managed
 from robot.runtime.operations import Operations, Ways
 from robot.runtime.recorder import FrameRecorder
 from robot.runtime.rows import Rows
@@ -45,6 +46,7 @@ class Life:
         self._config, self._options, self._bus, self._ledger, self._devices = config, options, bus, ledger, devices
         self._settings, self._detector, self._rig, self._signals = settings, detector, rig, signals
         self._lamp = config.camera.lamp == "on"
+        self._notifier = Notifier.from_environment()
         self._localiser = Localiser(settings.track_m, settings.datum, settings.fix_rules)
         self._upkeep = Upkeep(config, devices, ledger, self._mode_changed, self._trouble)
         self.actuation = self._upkeep.actuation
@@ -81,6 +83,8 @@ class Life:
                 if control is not None:
                     supervisor.poll("loop lateness", "runtime", self._report.lateness.tick, 0.0, float("inf"))
                     await stack.enter_async_context(serve(self.operations, control))
+                mode = str(self.actuation.state.mode)
+                await stack.enter_async_context(managed(self._notifier, supervisor.healthy, mode))
                 await self._work(group, supervisor)
         recorder.write_rest()
         self._keep_alignment()
@@ -155,6 +159,7 @@ class Life:
 
     def _mode_changed(self, state: safety.SafetyState) -> None:
         self._bus.publish(ModeChanged(state.mode, state.causes, asyncio.get_running_loop().time()))
+        self._notifier.status(": ".join((str(state.mode), *state.causes[-1:])))
         self.operations.mode_changed(state)
 
     def _trouble(self, text: str) -> None:

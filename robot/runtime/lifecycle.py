@@ -19,6 +19,7 @@ from robot.errors import BusyError, ConfigError, FileError, UnavailableError, Us
 from robot.events import Bus
 from robot.ledger import Ledger
 from robot.mission import Trouble
+from robot.runtime.alloff_file import write_alloff_files
 from robot.runtime.backends import BuildOptions, build_devices, needs_twin, watched
 from robot.runtime.devices import fault_plan, make_twin
 from robot.runtime.life import Life
@@ -58,6 +59,7 @@ async def run_robot(
         signals = signals or stack.enter_context(StopSignals())
         _make_folder(options.folder)
         ledger = stack.enter_context(Ledger.open(ledger_path(options.folder)))
+        write_alloff_files(config, options.folder, options.ports)
         if options.resume:
             task_to_resume(ledger, todays_task)
         virtual = isinstance(loop, VirtualClockLoop)
