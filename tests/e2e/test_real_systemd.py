@@ -25,10 +25,11 @@ SERVICE, FAILED = "sprayer.service", "sprayer-failed.service"
 EMULATOR = "emulator.service"
 LINKS = "/run/sprayer-emulated"
 START_ONCE = "/var/lib/sprayer/start-once"
+STARTED = "/var/lib/sprayer/started"  # the process that was told to
 PULSE = '"device":"relay","verb":"pulse","args":{"channel":"valve"'
 CONFIG = 78
 STARTS = 5
-ATTEMPTS = 4
+ATTEMPTS = 6
 WATCHDOG_S, PET_S, ABORT_S = 5.0, 1.0, 3.0  # as the unit has them
 VALVE_LAG_S = 0.1
 
@@ -36,7 +37,8 @@ VALVE_LAG_S = 0.1
 AT_A_TERMINAL = f"""#!/bin/sh
 exec {{python}} -c 'import os, pty, sys
 if os.path.exists("{START_ONCE}"):
-    os.unlink("{START_ONCE}")
+    os.rename("{START_ONCE}", "{STARTED}")
+    open("{STARTED}", "w").write(str(os.getpid()))
     hand, terminal = pty.openpty()
     os.write(hand, b"spray\\n")
     os.dup2(terminal, 0)
@@ -139,6 +141,9 @@ def hang_in_a_shot(box: Box, truth: Path) -> str:
         start(box)
         process = alive(box)["MainPID"]
         looks = itertools.count(1)
+        if box.run("cat", STARTED).strip() != process:
+            box.run("systemctl", "stop", SERVICE)
+            continue
         box.until(
             "a shot, or the end of the mission",
             lambda process=process, before=before, looks=looks: (  # type: ignore[misc]
