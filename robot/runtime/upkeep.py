@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import asyncio
 from collections.abc import AsyncIterator, Awaitable, Callable, Sequence
-from contextlib import asynccontextmanager
+from contextlib import AbstractContextManager, asynccontextmanager, nullcontext
 from dataclasses import dataclass
 
 from drivers.wheels.values import Odometry
@@ -16,10 +16,12 @@ from robot.ledger import Ledger
 from robot.runtime.devices import Devices
 from robot.runtime.mode_log import ModeLog
 from robot.runtime.settings import hand_settings, limits
+from robot.runtime.stall_watch import CAUSE, StallWatch, stop_lanes
 from robot.safety.failsafe import Action, action_for
 from robot.supervision import Supervisor
 
 FIRST_READINGS_S = 3.0
+WATCH_SILENCE_S = 3.0  # a loop without a beat is the watch's business; this is about the watch
 _MUST_STOP = (safety.Mode.AUTO, safety.Mode.MANUAL, safety.Mode.PAUSED, safety.Mode.SAFE_STOP, safety.Mode.ESTOP)
 
 
@@ -42,6 +44,7 @@ class Upkeep:
         on_trouble: Callable[[str], None],
     ) -> None:  # fmt: skip
         self._on_mode, self._on_trouble = on_mode, on_trouble
+        self._lanes = None if config.simulated else stop_lanes(devices)  # virtual time does not stall
         self._modes = ModeLog(ledger)
         self._told = safety.SafetyState()
         self.actuation = Actuation(
@@ -61,14 +64,17 @@ class Upkeep:
             async with asyncio.TaskGroup() as group:
                 supervisor = Supervisor(group, lambda name, text: self._on_fault(group, name, text))
                 logging = group.create_task(self._modes.run(), name="mode log")
-                try:
-                    self._supervise(supervisor, on_odometry, polls)
-                    await self._first_readings()
-                    yield group
-                finally:
-                    await self._let_go()
-                    supervisor.stop()
-                    logging.cancel()
+                with self._stall_watch(group) as watch:
+                    try:
+                        self._supervise(supervisor, on_odometry, polls)
+                        if watch is not None:
+                            supervisor.poll("stall watch", "runtime", watch.beat, watch.beat_s, WATCH_SILENCE_S)
+                        await self._first_readings()
+                        yield group
+                    finally:
+                        await self._let_go()
+                        supervisor.stop()
+                        logging.cancel()
         finally:
             self._modes.write_rest()
 
@@ -129,6 +135,23 @@ class Upkeep:
         self._told = state
         self._modes.put(f"{state.mode} {'; '.join(state.causes)}".strip(), asyncio.get_running_loop().time())
         self._on_mode(state)
+
+    def _stall_watch(self, group: asyncio.TaskGroup) -> AbstractContextManager[StallWatch | None]:
+        if self._lanes is None:
+            return nullcontext()
+
+        def on_stall(for_s: float) -> None:
+            cause = f"{CAUSE} for {for_s:.1f} s"
+            self._on_trouble(f"F30: {cause}; everything was switched off meanwhile, the log tells where it stood")
+            group.create_task(stop(cause), name="stop for a stall")
+
+        async def stop(cause: str) -> None:
+            if self.actuation.state.mode is not safety.Mode.DISARMED:
+                await self.actuation.stop(cause)
+            await watch.release()
+
+        watch = StallWatch(self._lanes, on_stall)
+        return watch
 
     def _on_fault(self, group: asyncio.TaskGroup, name: str, text: str) -> None:
         what = text if text.startswith(f"{name}: ") else f"{name}: {text}"
