@@ -12,9 +12,9 @@ class StopLane:
     """One device's stop, for whoever cannot await it.
 
     ``post`` puts the stop before all that waits for the owner of the device's port and returns at once. From then on
-    the device refuses whatever moves or opens, until ``release``: what the loop asks for when it comes back was decided
-    before the stop. ``force`` writes the stop beside an owner that hangs; without ``beside`` the device needs none, since
-    it stops by itself when it hears nothing.
+    the device refuses whatever moves or opens, until ``release``: what the loop asks for when it comes back was
+    decided before the stop. ``force`` writes the stop beside an owner that hangs; without ``beside`` the device needs
+    none, since it stops by itself when it hears nothing.
     """
 
     def __init__(
