@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import asyncio
 from collections.abc import AsyncIterator, Awaitable, Callable, Sequence
-from contextlib import AbstractContextManager, asynccontextmanager, nullcontext
+from contextlib import asynccontextmanager
 from dataclasses import dataclass
 
 from drivers.wheels.values import Odometry
@@ -61,20 +61,19 @@ class Upkeep:
         ``UnavailableError`` when a device does not report. Errors leave in an ``ExceptionGroup``.
         """
         try:
-            async with asyncio.TaskGroup() as group:
+            async with asyncio.TaskGroup() as group, self._watched(group) as watch:
                 supervisor = Supervisor(group, lambda name, text: self._on_fault(group, name, text))
                 logging = group.create_task(self._modes.run(), name="mode log")
-                with self._stall_watch(group) as watch:
-                    try:
-                        self._supervise(supervisor, on_odometry, polls)
-                        if watch is not None:
-                            supervisor.poll("stall watch", "runtime", watch.beat, watch.beat_s, WATCH_SILENCE_S)
-                        await self._first_readings()
-                        yield group
-                    finally:
-                        await self._let_go()
-                        supervisor.stop()
-                        logging.cancel()
+                try:
+                    self._supervise(supervisor, on_odometry, polls)
+                    if watch is not None:
+                        supervisor.poll("stall watch", "runtime", watch.beat, watch.beat_s, WATCH_SILENCE_S)
+                    await self._first_readings()
+                    yield group
+                finally:
+                    await self._let_go()
+                    supervisor.stop()
+                    logging.cancel()
         finally:
             self._modes.write_rest()
 
@@ -136,9 +135,12 @@ class Upkeep:
         self._modes.put(f"{state.mode} {'; '.join(state.causes)}".strip(), asyncio.get_running_loop().time())
         self._on_mode(state)
 
-    def _stall_watch(self, group: asyncio.TaskGroup) -> AbstractContextManager[StallWatch | None]:
+    @asynccontextmanager
+    async def _watched(self, group: asyncio.TaskGroup) -> AsyncIterator[StallWatch | None]:
+        """A loop in real time is watched from a thread; a stall is the fault F30."""
         if self._lanes is None:
-            return nullcontext()
+            yield None
+            return
 
         def on_stall(for_s: float) -> None:
             cause = f"{CAUSE} for {for_s:.1f} s"
@@ -150,8 +152,8 @@ class Upkeep:
                 await self.actuation.stop(cause)
             await watch.release()
 
-        watch = StallWatch(self._lanes, on_stall)
-        return watch
+        with StallWatch(self._lanes, on_stall) as watch:
+            yield watch
 
     def _on_fault(self, group: asyncio.TaskGroup, name: str, text: str) -> None:
         what = text if text.startswith(f"{name}: ") else f"{name}: {text}"

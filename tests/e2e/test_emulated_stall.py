@@ -54,8 +54,8 @@ class Session:
     def off_s(self, channel: str) -> float:
         """From the beginning of the stall until the channel's coil went off."""
         events = read_truth(self.truth).processes[-1].events
-        off_s = [e.t for e in events if e.what == "coil_off" and e.detail["channel"] == channel and e.t > self.stalled_s]
-        return off_s[0] - self.stalled_s
+        offs = [e.t for e in events if e.what == "coil_off" and e.detail["channel"] == channel]
+        return min(t for t in offs if t > self.stalled_s) - self.stalled_s
 
 
 def session(folder: Path, stall: Callable[[ByHand], None]) -> Session:
@@ -107,14 +107,18 @@ def session(folder: Path, stall: Callable[[ByHand], None]) -> Session:
 
 
 async def open_valve(truth: Path, shot: asyncio.Task[object]) -> None:
-    while not shot.done():
-        for line in truth.read_text().splitlines():
-            with contextlib.suppress(ValueError):
-                event = json.loads(line)
-                if event.get("what") == "coil_on" and event["channel"] == "valve":
-                    return
+    while not _valve_was_open(truth):
+        assert not shot.done(), f"the valve was never open: {shot}"
         await asyncio.sleep(0.02)
-    raise AssertionError(f"the valve was never open: {shot}")
+
+
+def _valve_was_open(truth: Path) -> bool:
+    for line in truth.read_text().splitlines():
+        with contextlib.suppress(ValueError):  # the last line may not be whole yet
+            event = json.loads(line)
+            if event.get("what") == "coil_on" and event["channel"] == "valve":
+                return True
+    return False
 
 
 def block(hands: ByHand) -> None:
