@@ -20,7 +20,7 @@ import threading
 import time
 import tty
 from collections.abc import Iterator
-from contextlib import AbstractContextManager, ExitStack, contextmanager, suppress
+from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 
 from drivers.twin.commands import RelaySwitch
@@ -100,17 +100,27 @@ def beside(step: threading.Event, work: threading.Thread) -> Iterator[None]:
         work.join(DOWN_S)
 
 
-def status_requests(control: Path) -> AbstractContextManager[None]:
-    end = threading.Event()
+class StatusClients:
+    """Ask for the status again and again, from two threads, so that one slow answer delays no more than itself."""
 
-    def work() -> None:
+    def __init__(self, control: Path) -> None:
+        self.answers = 0
+        self._control, self._end = control, threading.Event()
+
+    @contextmanager
+    def asking(self) -> Iterator[None]:
+        with ExitStack() as stack:
+            for _ in range(2):
+                stack.enter_context(beside(self._end, threading.Thread(target=self._work, daemon=True)))
+            yield
+
+    def _work(self) -> None:
         due_s = time.monotonic()
-        while not end.wait(max(0.0, due_s - time.monotonic())):
+        while not self._end.wait(max(0.0, due_s - time.monotonic())):
             with suppress(ConnectionError):  # too many at once: the oldest is let go
-                ask(control, "GET", "/v1/status")
-            due_s = max(due_s + 1.0 / STATUS_HZ, time.monotonic() - 1.0)
-
-    return beside(end, threading.Thread(target=work, daemon=True))
+                ask(self._control, "GET", "/v1/status")
+                self.answers += 1
+            due_s = max(due_s + 2.0 / STATUS_HZ, time.monotonic() - 1.0)
 
 
 class NoisyPort:
@@ -163,9 +173,10 @@ def measured(load: bool, stops: int = STOPS) -> tuple[list[float], str]:
         receiver = NoisyPort(rover.ports["gps"])
         stack.enter_context(beside(receiver.end, threading.Thread(target=receiver.work, daemon=True)))
         control = stack.enter_context(service(folder, rover.ports | {"gps": receiver.path}))
+        clients = StatusClients(control)
         if load:
             receiver.noisy.set()
-            stack.enter_context(status_requests(control))
+            stack.enter_context(clients.asking())
         began_s, dice = time.monotonic(), random.Random(2)
         asked_s = []
         for _ in range(stops):
@@ -173,11 +184,13 @@ def measured(load: bool, stops: int = STOPS) -> tuple[list[float], str]:
             asked_s.append(time.monotonic() - zero_s)
             parts = json.loads(ask(control, "POST", "/v1/stop", '{"cause": "bench"}'))["parts"]
             assert all(not part["error"] for part in parts), parts
-        rate_mb_s = receiver.garbage_bytes / (time.monotonic() - began_s) / 1e6
+        for_s = time.monotonic() - began_s
+        rate_mb_s, asked_hz = receiver.garbage_bytes / for_s / 1e6, clients.answers / for_s
         unread = receiver.lost_bytes / max(1, receiver.garbage_bytes)
         time.sleep(0.2)  # the emulator writes its last lines
         took = took_s(truth, asked_s)
-    return took, f"   garbage {rate_mb_s:.2f} MB/s ({unread:.0%} unread)" if load else ""
+    told = f"   garbage {rate_mb_s:.2f} MB/s ({unread:.0%} unread), {asked_hz:.0f} status/s"
+    return took, told if load else ""
 
 
 def took_s(truth: Path, asked_s: list[float]) -> list[float]:
@@ -198,12 +211,9 @@ def bench(line: Say) -> None:
     """One line a figure, through ``line(name, figures, goal)``."""
     for name, load in (("idle", False), ("load", True)):
         stops_s, load_text = measured(load)
-        p50_ms, p99_ms = (1e3 * statistics.quantiles(stops_s, n=100)[k] for k in (49, 98))
-        line(
-            f"STOP from API to last OFF frame, {name}",
-            f"p50 {p50_ms:.1f} ms   p99 {p99_ms:.1f} ms   worst {1e3 * max(stops_s):.1f} ms   n {len(stops_s)}{load_text}",
-            f"p99 <= {GOALS_MS[name]} ms",
-        )
+        p50_ms, p99_ms = (1e3 * statistics.quantiles(stops_s, n=100, method="inclusive")[k] for k in (49, 98))
+        figures = f"p50 {p50_ms:.1f} ms   p99 {p99_ms:.1f} ms   worst {1e3 * max(stops_s):.1f} ms   n {len(stops_s)}"
+        line(f"STOP from API to last OFF frame, {name}", figures + load_text, f"p99 <= {GOALS_MS[name]} ms")
 
 
 if __name__ == "__main__":
