@@ -14,10 +14,11 @@ from pathlib import Path
 from robot.clock import RealClockLoop
 from robot.config import load_config
 from robot.events import Bus
+from robot.package_files import packaged
 from robot.runtime import ModeChanged, RunBegan, RunOptions, run_robot
 from robot.safety import Mode
 
-from .emulated import EMULATED
+EMULATED = packaged("configs") / "emulated.toml"
 
 
 async def life(folder: Path, ports: dict[str, str], mode: str) -> None:
