@@ -149,6 +149,13 @@ class WorldTilt:
 
 
 @dataclass(frozen=True, slots=True)
+class WorldBattery:
+    """The battery now gives ``voltage_v``, and goes on draining."""
+
+    voltage_v: float
+
+
+@dataclass(frozen=True, slots=True)
 class WorldPush:
     """The standing base is shoved, in its own axes; the wheels skid and do not count it."""
 
@@ -196,6 +203,7 @@ WorldCommand = (
     | WorldBumper
     | WorldText
     | WorldTilt
+    | WorldBattery
     | WorldPush
     | WorldServoError
     | WorldCradle
@@ -244,6 +252,7 @@ _NAMES: dict[type[Command], tuple[str, str]] = {
     WorldBumper: ("world", "bumper"),
     WorldText: ("world", "text"),
     WorldTilt: ("world", "tilt"),
+    WorldBattery: ("world", "battery"),
     WorldPush: ("world", "push"),
     WorldServoError: ("world", "servo_error"),
     WorldCradle: ("world", "cradle"),

@@ -135,6 +135,8 @@ class Twin:
                 self._sensors.bumper_pressed = pressed
             case c.WorldTilt(roll, pitch):
                 self._sensors.roll_rad, self._sensors.pitch_rad = roll, pitch
+            case c.WorldBattery(voltage):
+                self._sensors.battery_gives(voltage, self.physics.t_s)
             case c.WorldPush(x, y, heading):
                 self.physics.drive.push(x, y, heading)
                 self._snapshot(self.physics.t_s)

@@ -40,8 +40,13 @@ class Sensors:
         self._pulse_ml = 1000.0 / nominal.flow_meter_pulses_per_l
         self.estop_pressed = False
         self.bumper_pressed = False
+        self._battery_full_v = BATTERY_FULL_V
         self.roll_rad = 0.0
         self.pitch_rad = 0.0
+
+    def battery_gives(self, voltage_v: float, t_s: float) -> None:
+        """From now on, less what drains."""
+        self._battery_full_v = voltage_v + BATTERY_DROP_V_S * t_s
 
     def reading(self, t_s: float, stamp_s: float, liquid: Liquid, noise: np.random.Generator) -> InputState:
         n = noise.normal(size=6).tolist()
@@ -58,5 +63,5 @@ class Sensors:
             pressure_bar=max(0.0, liquid.pressure_bar * self._true.pressure_gain + PRESSURE_NOISE_BAR * n[2]),
             roll_rad=self.roll_rad + TILT_NOISE_RAD * n[3],
             pitch_rad=self.pitch_rad + TILT_NOISE_RAD * n[4],
-            battery_v=BATTERY_FULL_V - BATTERY_DROP_V_S * t_s + BATTERY_NOISE_V * n[5],
+            battery_v=self._battery_full_v - BATTERY_DROP_V_S * t_s + BATTERY_NOISE_V * n[5],
         )

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 from collections.abc import Callable
+from dataclasses import replace
 
 from robot import safety
 from robot.actuation.readings import Readings
@@ -21,17 +22,45 @@ class Gate:
         self._on_mode = on_mode
         self.state = safety.SafetyState()
 
-    def begin_task(self, task_ml: float, target_ml: dict[int, float]) -> None:
-        """What earlier runs of the task gave counts for its caps."""
-        mode, causes = self.state.mode, self.state.causes
-        self.state = safety.SafetyState(mode, causes, (), task_ml, tuple(sorted(target_ml.items())))
+    def begin_task(self, given: safety.Given) -> None:
+        """What earlier runs gave counts for the caps."""
+        self.state = replace(self.state, bookings=(), given=given)
 
     def change_mode(self, verb: safety.Verb, cause: str) -> safety.Decision:
         state, decision = safety.change_mode(self.state, verb, cause, self._readings.inputs(), now_s())
-        if state is not self.state:
-            self.state = state
-            self._on_mode(state)
+        self._enter(state)
         return decision
+
+    def report(self, fault_id: str, text: str) -> None:
+        """Take a fault of the catalogue in, with its effect on the mode."""
+        self._enter(safety.report_fault(self.state, fault_id, text, now_s()))
+
+    def clear(self, fault_id: str) -> None:
+        self._enter(safety.clear_fault(self.state, fault_id))
+
+    def watch(self) -> None:
+        """Report and clear what the newest readings show."""
+        inputs = self._readings.inputs()
+        if inputs is not None:
+            self._enter(safety.watch(self.state, inputs, self._limits, now_s()))
+
+    def take_lease(self, holder: str, take_over: bool) -> safety.Decision:
+        self.state, decision = safety.take_lease(self.state, holder, now_s(), take_over)
+        return decision
+
+    def beat_lease(self, holder: str) -> safety.Decision:
+        self.state, decision = safety.beat_lease(self.state, holder, now_s())
+        return decision
+
+    def release_lease(self, holder: str) -> None:
+        self.state = safety.release_lease(self.state, holder)
+
+    def _enter(self, state: safety.SafetyState) -> None:
+        before, self.state = self.state, state
+        if state.mode is safety.Mode.PAUSED and before.mode is not safety.Mode.PAUSED:
+            self._readings.pause_mark = self._readings.odometry
+        if (state.mode, state.causes, state.faults) != (before.mode, before.causes, before.faults):
+            self._on_mode(state)
 
     def demand_motion(self, request: safety.MotionRequest) -> None:
         inputs = self._readings.inputs()

@@ -97,29 +97,34 @@ class Actuation:
         """The base stands where it stood when the newest frame was taken: motion is counted from here."""
         self._readings.frame_mark = self._readings.odometry
 
-    def begin_task(self, task_id: int, tank_left_ml: float, task_ml: float, target_ml: dict[int, float]) -> None:
-        """Which task the ledger books on, and what earlier runs of it gave."""
+    def begin_task(self, task_id: int, tank_left_ml: float, given: safety.Given) -> None:
+        """Which task the ledger books on, and what earlier runs gave that counts for its caps."""
         self._liquid.begin_task(task_id)
         self._readings.tank_left_ml = tank_left_ml
-        self._gate.begin_task(task_ml, target_ml)
+        self._gate.begin_task(given)
+
+    def refilled(self, tank_left_ml: float) -> None:
+        """Somebody filled the tank: the balance of the ledger goes on from here."""
+        self._readings.tank_left_ml = tank_left_ml
+
+    def note_fence(self, margin_m: float) -> None:
+        """How far inside of the geofence the base is, less the uncertainty of its pose."""
+        self._readings.fence_margin_m = margin_m
 
     async def begin_metering(self) -> None:
         """Start the flow account at the meter's present count."""
         await self._liquid.begin_metering()
 
     async def poll_sensors(self) -> None:
-        reading = await self._inputs.read()
-        self._readings.sensors = reading
-        if reading.estop_pressed and self.state.mode is not safety.Mode.ESTOP:
-            await self.emergency_stop("the e-stop was pressed")
-        if reading.bumper_pressed and self._gate.armed:
-            await self.stop("the bumper was pressed")
+        self._readings.take_sensors(await self._inputs.read())
+        await self._watch()
         await self._liquid.look_for_leak()
 
     async def poll_odometry(self) -> None:
         self._readings.odometry = await self._wheels.odometry()
         if self.base_moved:
             self._liquid.interrupt("the base moved")
+        await self._watch()
 
     async def poll_arm(self) -> None:
         self._readings.take_arm(await self._arm.state())
@@ -132,16 +137,57 @@ class Actuation:
             self._readings.relay = await self._relay.read()
             await self._liquid.renew_pump()
 
-    # --- modes ------------------------------------------------------------------------------------------------
+    # --- faults and modes -------------------------------------------------------------------------------------
+
+    async def report(self, fault_id: str, text: str) -> None:
+        """A fault of the catalogue: its action is taken at once, and over when this returns."""
+        before = self.state
+        self._gate.report(fault_id, text)
+        await self._act_on(before)
+
+    def clear(self, fault_id: str) -> None:
+        """The cause of a fault is gone."""
+        self._gate.clear(fault_id)
+
+    async def _watch(self) -> None:
+        before = self.state
+        self._gate.watch()
+        await self._act_on(before)
+
+    async def _act_on(self, before: safety.SafetyState) -> None:
+        """Let go when a fault ended the mode or forbids motion, shut the valve when it forbids spray only."""
+        after = self.state
+        known = {fault.id for fault in before.faults}
+        fresh = [fault for fault in after.faults if fault.id not in known]
+        worst = safety.most_severe(fault.id for fault in fresh)
+        energised = before.mode is not safety.Mode.DISARMED or after.mode is not before.mode
+        if energised and (worst >= safety.Action.PAUSE or after.mode is not before.mode):
+            await self._let_go()
+        elif worst is safety.Action.INHIBIT_SPRAY:
+            self._liquid.interrupt("; ".join(fault.text for fault in fresh))
 
     def change_mode(self, verb: safety.Verb, cause: str) -> safety.Decision:
-        """Arm, start, pause, finish, acknowledge, reset, disarm. Stops are ``stop`` and ``emergency_stop``."""
+        """Arm, start, operate, resume, finish, acknowledge, reset. What ends motion is ``stop``, ``emergency_stop``,
+        ``pause`` and ``disarm``."""
         return self._gate.change_mode(verb, cause)
 
     async def stop(self, cause: str) -> tuple[PartStopped, ...]:
         """The operator's STOP: latch, close, halt, hold. Goes on past errors and reports each part."""
         self.change_mode(safety.Verb.STOP, cause)
         return await self._let_go()
+
+    async def pause(self, cause: str) -> safety.Decision:
+        """Valve shut, pump off, base halted, arm held, until somebody resumes."""
+        return await self._end_motion(safety.Verb.PAUSE, cause)
+
+    async def disarm(self, cause: str) -> safety.Decision:
+        return await self._end_motion(safety.Verb.DISARM, cause)
+
+    async def _end_motion(self, verb: safety.Verb, cause: str) -> safety.Decision:
+        decision = self.change_mode(verb, cause)
+        if decision.allowed:
+            await self._let_go()
+        return decision
 
     async def emergency_stop(self, cause: str) -> tuple[PartStopped, ...]:
         self.change_mode(safety.Verb.ESTOP, cause)
@@ -180,6 +226,22 @@ class Actuation:
         """Everything off at the relay board; the arm goes on holding."""
         self._liquid.cut()
         return (await stop_part("relay board", self._relay.all_off),)
+
+    # --- who may move it by hand ------------------------------------------------------------------------------
+
+    async def take_lease(self, holder: str, take_over: bool = False) -> safety.Decision:
+        """The controls for mode MANUAL, alive for as long as ``beat_lease`` comes; all motion ends at a handover."""
+        before = self.state.lease
+        decision = self._gate.take_lease(holder, take_over)
+        if decision.allowed and before is not None and before.holder != holder:
+            await self._let_go()
+        return decision
+
+    def beat_lease(self, holder: str) -> safety.Decision:
+        return self._gate.beat_lease(holder)
+
+    def release_lease(self, holder: str) -> None:
+        self._gate.release_lease(holder)
 
     # --- base and arm -----------------------------------------------------------------------------------------
 

@@ -108,7 +108,9 @@ class Liquid:
         if self._task_id is None:
             raise Refused("no task is open in the ledger; begin one before spraying")
         await self.renew_pump(order.pulse_s + 1.0)
-        request = safety.SprayRequest(order.target_id, order.dose_ml, order.full_ml, order.open_s, order.pulse_s)
+        request = safety.SprayRequest(
+            order.target_id, order.dose_ml, order.full_ml, order.open_s, order.pulse_s, order.cell
+        )
         self._gate.demand_spray(request)
         self._cut.clear()
         self._cut_reason = ""

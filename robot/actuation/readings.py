@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import math
+from collections import deque
+from dataclasses import dataclass, field
 
 from drivers.arm.values import ArmState
 from drivers.inputs.values import InputState
@@ -12,6 +14,7 @@ from robot import safety
 from robot.actuation.values import HandSettings
 
 STOWED_TOLERANCE_RAD = 0.04
+BATTERY_READINGS = 10
 
 
 @dataclass(slots=True, eq=False)
@@ -28,6 +31,9 @@ class Readings:
     arm_settled: bool = False
     base_commanded: bool = False
     tank_left_ml: float = 0.0
+    pause_mark: Odometry | None = None
+    fence_margin_m: float = math.inf
+    battery_v: deque[float] = field(default_factory=lambda: deque(maxlen=BATTERY_READINGS))
 
     @property
     def joints_rad(self) -> tuple[float, ...] | None:
@@ -43,9 +49,12 @@ class Readings:
     @property
     def moved_since_frame_m(self) -> float:
         """How far a wheel rolled since the newest frame; infinite when nobody knows."""
-        now, mark = self.odometry, self.frame_mark
+        return self._rolled_since(self.frame_mark)
+
+    def _rolled_since(self, mark: Odometry | None) -> float:
+        now = self.odometry
         if now is None or mark is None:
-            return float("inf")
+            return math.inf
         return max(abs(now.left_m - mark.left_m), abs(now.right_m - mark.right_m))
 
     @property
@@ -55,6 +64,10 @@ class Readings:
         if joints is None or self.goal_rad is None:
             return 0.0
         return max(abs(a - b) for a, b in zip(joints, self.goal_rad, strict=True))
+
+    def take_sensors(self, reading: InputState) -> None:
+        self.sensors = reading
+        self.battery_v.append(reading.battery_v)
 
     def take_arm(self, state: ArmState) -> None:
         """A joint that leaves its goal unsettles the arm."""
@@ -83,4 +96,8 @@ class Readings:
             relay_s=self.relay.stamp_s,
             valve_coil=self.relay.coils.get(Channel.VALVE, True),
             tank_left_ml=self.tank_left_ml,
+            pump_coil=self.relay.coils.get(Channel.PUMP, False),
+            battery_v=sum(self.battery_v) / len(self.battery_v) if self.battery_v else math.inf,
+            moved_since_pause_m=self._rolled_since(self.pause_mark),
+            fence_margin_m=self.fence_margin_m,
         )

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from robot.errors import SprayerError
+from robot.safety import Cell
 
 LEDGER_WRITE_S = 0.002  # modelled duration of one durable transaction in virtual time
 
@@ -30,7 +31,8 @@ class HandSettings:
 @dataclass(frozen=True, slots=True)
 class PulseOrder:
     """One valve opening of a shot. ``model_ml`` is what the flow model expects of ``open_s``; ``full_ml`` the most that
-    the board's whole pulse of ``pulse_s`` can give; ``factor`` and ``reason`` as in the ledger's intent."""
+    the board's whole pulse of ``pulse_s`` can give; ``factor`` and ``reason`` as in the ledger's intent; ``cell`` the
+    square metre of the row in which the target stands."""
 
     target_id: int
     stop: int
@@ -43,6 +45,7 @@ class PulseOrder:
     full_ml: float
     factor: float = 1.0
     reason: str = ""
+    cell: Cell | None = None
 
 
 @dataclass(frozen=True, slots=True)

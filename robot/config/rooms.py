@@ -132,12 +132,29 @@ class DosingSection(Section):
 
 
 class SafetySection(Section):
-    """Caps below the hard envelope of ``robot.safety.limits``, which no configuration can widen."""
+    """Caps below the hard envelope of ``robot.safety.limits``, which no configuration can widen.
+
+    Below ``battery_low_v`` the machine pauses, below ``battery_stop_v`` it stops; 0 watches nothing. ``self_resume``: a
+    pause ends by itself when its cause is gone and the base stands where it stood; ``longest_pause_s``: then it becomes
+    a stop.
+    """
 
     max_shot_ml: Annotated[float, between(0.1, 50.0)]
     max_target_ml: Annotated[float, between(0.1, 100.0)]
+    max_square_metre_ml: Annotated[float, between(0.1, 2000.0)] = 500.0
     max_minute_ml: Annotated[float, between(1.0, 1000.0)]
+    max_day_ml: Annotated[float, between(1.0, 1_000_000.0)] = 20_000.0
     max_base_speed_m_s: Annotated[float, between(0.01, 1.0)]
+    battery_low_v: Annotated[float, between(0.0, 100.0)] = 0.0
+    battery_stop_v: Annotated[float, between(0.0, 100.0)] = 0.0
+    self_resume: bool = True
+    longest_pause_s: Annotated[float, between(1.0, 86_400.0)] = 600.0
+
+    @model_validator(mode="after")
+    def _battery_ordered(self) -> Self:
+        if self.battery_stop_v > self.battery_low_v:
+            raise ValueError("battery_stop_v must not exceed battery_low_v")
+        return self
 
 
 class TaskSection(Section):
@@ -159,6 +176,7 @@ class NavigationSection(Section):
     datum_latitude_deg: Annotated[float, between(-90.0, 90.0)] | None = None
     datum_longitude_deg: Annotated[float, between(-180.0, 180.0)] | None = None
     datum_heading_rad: Radians = 0.0
+    geofence_m: tuple[tuple[float, float], ...] | None = None
 
     @model_validator(mode="after")
     def _datum_whole(self) -> Self:

@@ -16,6 +16,7 @@ from robot.mission.move import move
 from robot.mission.spray import spray
 from robot.mission.stop import stop
 from robot.mission.transitions import Event, State, next_state
+from robot.safety.failsafe import fault_of
 
 StateTask = Callable[[MissionContext], Awaitable[Event]]
 
@@ -29,15 +30,20 @@ STATE_TASKS: dict[State, StateTask] = {
 
 
 class Mission:
-    """One pass over a route. ``run`` returns DONE, or IDLE when it was halted; it can be run again to go on."""
+    """One pass over a route. ``run`` returns DONE, or IDLE when it was halted; it can be run again to go on.
+
+    A pause is waited out: the route goes on from MOVE when the mode is AUTO again.
+    """
 
     def __init__(self, context: MissionContext) -> None:
         self._context = context
         self._task: asyncio.Task[Event] | None = None
+        self._mode_moved = asyncio.Event()
         self.state = State.IDLE
 
     def mode_changed(self, state: safety.SafetyState) -> None:
         """Leaving AUTO cancels the state's task."""
+        self._mode_moved.set()
         if state.mode is not safety.Mode.AUTO and self._task is not None:
             self._task.cancel()
 
@@ -48,10 +54,29 @@ class Mission:
             self.state = next_state(self.state, event)
             if not await self._enter(reason):
                 self.state = State.IDLE
+            if self.state is State.IDLE and await self._resumed():
+                event, reason = Event.STARTED, "resumed"
+                continue
             if self.state not in STATE_TASKS:
                 return self.state
             event = await self._run_state(STATE_TASKS[self.state])
             reason = str(event)
+
+    async def _resumed(self) -> bool:
+        """Wait while the machine is paused; whether it is in AUTO again. A pause that nobody ends becomes a stop."""
+        if not self._paused():
+            return False
+        actuation, longest_s = self._context.actuation, self._context.settings.longest_pause_s
+        try:
+            async with asyncio.timeout(longest_s):
+                while self._paused():
+                    self._mode_moved.clear()
+                    await self._mode_moved.wait()
+        except TimeoutError:
+            await actuation.stop(f"paused for {longest_s:.0f} s: {'; '.join(actuation.state.causes)}")
+        progress = self._context.progress
+        progress.stop = max(0, progress.stop - 1)  # MOVE goes to the next one: this stop is looked at again
+        return self._in_auto()
 
     async def _enter(self, reason: str) -> bool:
         """Tell and write down; False, and everything stopped, when the ledger cannot be written."""
@@ -86,7 +111,14 @@ class Mission:
 
     async def _stop_for(self, error: Exception) -> None:
         self._context.publish(Trouble(str(error), self._context.now_s()))
-        await self._context.actuation.stop(f"{self.state}: {error}")
+        text = f"{self.state}: {error}"
+        if isinstance(error, DeviceError):
+            await self._context.actuation.report(fault_of(error.device), text)
+        if self._in_auto():
+            await self._context.actuation.stop(text)
+
+    def _paused(self) -> bool:
+        return self._context.actuation.state.mode is safety.Mode.PAUSED
 
     def _in_auto(self) -> bool:
         return self._context.actuation.state.mode is safety.Mode.AUTO

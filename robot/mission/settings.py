@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from robot.aiming import AimingParameters, ArmModel, Obstacles
 from robot.dosing import Caps, DoseRules, FlowModel, PulseLimits
 from robot.geometry import Transform
-from robot.navigation import Datum, DriveLimits, FixRules, Row
+from robot.navigation import Datum, DriveLimits, FixRules, Geofence, Row
 from robot.targets import BookParameters, Policy
 from robot.vision.light import ExposureBounds, LampPolicy, LightGoals
 
@@ -70,3 +70,5 @@ class MissionSettings:
     detect_duration_s: float
     plan_duration_s: float = 0.08
     stop_timeout_s: float = 5.0
+    longest_pause_s: float = 600.0
+    geofence: Geofence | None = None

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 from robot import dosing
 from robot.actuation import PulseOrder, Refused
 from robot.dosing import Refusal, Shot
@@ -68,7 +70,14 @@ def _order(context: MissionContext, target: Target, shot: Shot, number: int, pre
         full_ml=full_pulse_ml(settings, pulse_s, pressure_bar),
         factor=shot.factor,
         reason=shot.reason,
+        cell=cell_of(target),
     )
+
+
+def cell_of(target: Target) -> tuple[int, int]:
+    """The square metre of the row frame in which a target stands."""
+    x_m, y_m, _ = target.centre_m
+    return math.floor(x_m), math.floor(y_m)
 
 
 def full_pulse_ml(settings: DoseSettings, pulse_s: float, pressure_bar: float) -> float:

@@ -2,6 +2,7 @@
 
 from robot.navigation.drive import DriveCommand, DriveLimits, command
 from robot.navigation.enu import Datum, enu_m, row_xy_m
+from robot.navigation.geofence import Geofence
 from robot.navigation.landmarks import LandmarkRules, PoseShift, estimate_shift, update_landmarks
 from robot.navigation.pose import PoseFilter, PoseNoise, pose_at, predict, start, update_position, update_relative
 from robot.navigation.route import Route, Row, Stop, parse_route
@@ -12,6 +13,7 @@ __all__ = [
     "DriveCommand",
     "DriveLimits",
     "FixRules",
+    "Geofence",
     "LandmarkRules",
     "PoseFilter",
     "PoseNoise",

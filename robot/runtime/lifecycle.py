@@ -15,6 +15,7 @@ import cv2
 from drivers.camera.watched import WatchedCamera
 from drivers.errors import DeviceBusy, DeviceError
 from drivers.twin.machine import Twin
+from drivers.wheels.values import Odometry
 from robot import safety
 from robot.clock import keep_time
 from robot.config import Config
@@ -27,7 +28,7 @@ from robot.mission import Localiser, Mission, MissionContext, MissionSettings, P
 from robot.runtime.backends import BuildOptions, build_devices, needs_twin, require_timed_pulses, watched
 from robot.runtime.devices import Devices, fault_plan, make_twin
 from robot.runtime.recorder import FrameRecorder
-from robot.runtime.resuming import check_resumable, given_by_target_ml, taken_by_hand_ml, task_to_resume
+from robot.runtime.resuming import cells_ml, check_resumable, given_by_target_ml, taken_by_hand_ml, task_to_resume
 from robot.runtime.settings import load_arm, load_camera, load_row, mission_settings, task
 from robot.runtime.signals import StopSignals
 from robot.runtime.upkeep import Poll, Upkeep
@@ -188,7 +189,7 @@ class _Robot:
         """A new task in the ledger, or with ``resume`` the last one and how far it came."""
         if not self._options.resume:
             task_id = self._ledger.begin_task(task)
-            self.actuation.begin_task(task_id, task.tank_fill_ml, 0.0, {})
+            self.actuation.begin_task(task_id, task.tank_fill_ml, safety.Given())
             return task_id
         task_id = task_to_resume(self._ledger, task)
         self._checkpoint = self._ledger.last_checkpoint(task_id)
@@ -197,7 +198,8 @@ class _Robot:
         given_ml = given_by_target_ml(self._ledger, task_id)
         total_ml = sum(given_ml.values())
         left_ml = task.tank_fill_ml - total_ml - taken_by_hand_ml(self._ledger, task_id)
-        self.actuation.begin_task(task_id, left_ml, total_ml, given_ml)
+        given = safety.Given(total_ml, 0.0, tuple(sorted(given_ml.items())), cells_ml(self._progress.book, given_ml))
+        self.actuation.begin_task(task_id, left_ml, given)
         return task_id
 
     def context(self, task_id: int | None, detector: Detector, rig: StereoRig) -> MissionContext | None:
@@ -215,7 +217,7 @@ class _Robot:
             Poll("gps", "navigation", self._poll_gps, 0.0, 3.0),
             Poll("modem", "telemetry", self._poll_modem, 10.0, 30.0),
         )
-        async with self._upkeep.living(self.localiser.on_odometry, polls) as group:
+        async with self._upkeep.living(self._on_odometry, polls) as group:
             keeping = group.create_task(recorder.run(), name="frame recorder")
             try:
                 state = await self._work(group, context)
@@ -268,6 +270,13 @@ class _Robot:
             )
         except DeviceError as error:
             raise UnavailableError(str(error)) from error
+
+    def _on_odometry(self, odometry: Odometry) -> None:
+        self.localiser.on_odometry(odometry)
+        fence = self._settings.geofence
+        if fence is not None and self.localiser.started:
+            pose, sigma_m = self.localiser.pose, self.localiser.filter.position_sigma_m
+            self.actuation.note_fence(fence.margin_m(pose.x_m, pose.y_m, sigma_m))
 
     async def _poll_gps(self) -> None:
         self.localiser.on_fix(await self._devices.gps.next_fix())

@@ -7,6 +7,9 @@ from pathlib import Path
 from robot.errors import ConfigError, UsageError
 from robot.ledger import Ledger
 from robot.ledger.values import Task
+from robot.mission.spray import cell_of
+from robot.safety import Cell
+from robot.targets import Book
 
 BY_HAND = "by hand"  # the route of tasks that no row belongs to
 
@@ -45,3 +48,12 @@ def given_by_target_ml(ledger: Ledger, task_id: int) -> dict[int, float]:
         booked_ml = shot.result.booked_ml if shot.result else shot.intent.full_ml
         given_ml[shot.intent.target_id] = given_ml.get(shot.intent.target_id, 0.0) + booked_ml
     return given_ml
+
+
+def cells_ml(book: Book, given_ml: dict[int, float]) -> tuple[tuple[Cell, float], ...]:
+    """What was booked on the targets of each square metre."""
+    cells: dict[Cell, float] = {}
+    for target in book.targets:
+        if target.id in given_ml:
+            cells[cell_of(target)] = cells.get(cell_of(target), 0.0) + given_ml[target.id]
+    return tuple(sorted(cells.items()))

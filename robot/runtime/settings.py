@@ -17,7 +17,7 @@ from robot.errors import ConfigError
 from robot.geometry import Transform, body_from_optical, transform_from_xyz_rpy
 from robot.ledger.values import Task
 from robot.mission import DoseSettings, LightSettings, MissionSettings
-from robot.navigation import Datum, DriveLimits, FixRules, Row, parse_route
+from robot.navigation import Datum, DriveLimits, FixRules, Geofence, Row, parse_route
 from robot.package_files import named_file
 from robot.targets import BookParameters, Policy, RipenessBorders
 from robot.vision.light import ExposureBounds, LampPolicy, LightGoals
@@ -100,12 +100,16 @@ def limits(config: Config) -> safety.Limits:
     return safety.Limits(
         max_shot_ml=config.safety.max_shot_ml,
         max_target_ml=config.safety.max_target_ml,
+        max_cell_ml=config.safety.max_square_metre_ml,
         max_minute_ml=config.safety.max_minute_ml,
+        max_day_ml=config.safety.max_day_ml,
         max_task_ml=config.task.label_cap_ml,
         max_pulse_s=config.dosing.max_pulse_s,
         max_base_speed_m_s=config.safety.max_base_speed_m_s,
         tank_reserve_ml=config.fluid.tank_reserve_ml,
         min_pressure_bar=config.fluid.pressure_ready_fraction * config.fluid.pump_pressure_bar,
+        battery_low_v=config.safety.battery_low_v,
+        battery_stop_v=config.safety.battery_stop_v,
     )
 
 
@@ -166,6 +170,22 @@ def datum(config: Config) -> Datum | None:
     if navigation.datum_latitude_deg is None or navigation.datum_longitude_deg is None:
         return None
     return Datum(navigation.datum_latitude_deg, navigation.datum_longitude_deg, navigation.datum_heading_rad)
+
+
+def geofence(config: Config, row: Row) -> Geofence | None:
+    """The area that the base must not leave; ``ConfigError`` when it is no polygon, or the row is not inside."""
+    if config.navigation.geofence_m is None:
+        return None
+    try:
+        fence = Geofence(config.navigation.geofence_m)
+    except ValueError as error:
+        raise ConfigError(f"navigation.geofence_m: {error}") from error
+    for x_m in (0.0, *(stop.x_m for stop in row.stops)):
+        if fence.margin_m(x_m, 0.0) <= 0.0:
+            raise ConfigError(
+                f"navigation.geofence_m: row '{row.name}' leaves it at x = {x_m:g} m; correct the corners"
+            )
+    return fence
 
 
 def supports(config: Config, row: Row) -> tuple[tuple[float, float], ...]:
@@ -252,4 +272,6 @@ def mission_settings(config: Config, row: Row, arm: ArmModel) -> MissionSettings
         pressure_ready_bar=config.fluid.pressure_ready_fraction * config.fluid.pump_pressure_bar,
         pressure_timeout_s=config.fluid.pressure_timeout_s,
         detect_duration_s=config.vision.duration_s,
+        geofence=geofence(config, row),
+        longest_pause_s=config.safety.longest_pause_s,
     )

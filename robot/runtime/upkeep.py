@@ -17,10 +17,11 @@ from robot.runtime.devices import Devices
 from robot.runtime.mode_log import ModeLog
 from robot.runtime.settings import hand_settings, limits
 from robot.runtime.stall_watch import CAUSE, StallWatch, stop_lanes
-from robot.safety.failsafe import Action, action_for
-from robot.supervision import Supervisor
+from robot.safety.failsafe import TASK_FAULTS, fault_of
+from robot.supervision import Health, Supervisor, TaskHealth
 
 FIRST_READINGS_S = 3.0
+STALLED = "F30"
 WATCH_SILENCE_S = 3.0  # a loop without a beat is the watch's business; this is about the watch
 _MUST_STOP = (safety.Mode.AUTO, safety.Mode.MANUAL, safety.Mode.PAUSED, safety.Mode.SAFE_STOP, safety.Mode.ESTOP)
 
@@ -47,6 +48,7 @@ class Upkeep:
         self._lanes = None if config.simulated else stop_lanes(devices)  # virtual time does not stall
         self._modes = ModeLog(ledger)
         self._told = safety.SafetyState()
+        self._resumes_itself = config.safety.self_resume
         self.actuation = Actuation(
             devices.arm, devices.relay, devices.wheels, devices.inputs, ledger, limits(config), hand_settings(config),
             self._mode_changed,
@@ -98,9 +100,18 @@ class Upkeep:
         supervisor.poll("odometry", "actuation", poll_odometry, 0.05, 0.3)
         supervisor.poll("arm", "actuation", self.actuation.poll_arm, 0.1, 0.5)
         supervisor.poll("relay", "actuation", self.actuation.poll_relay, 0.2, 5.0)
+        supervisor.poll("faults", "actuation", lambda: self._look_after(supervisor), 0.2, 1.0)
         for poll in polls:
             supervisor.poll(poll.name, poll.owner, poll.step, poll.period_s, poll.longest_silence_s)
         supervisor.watch()
+
+    async def _look_after(self, supervisor: Supervisor) -> None:
+        """Clear the faults of tasks that are well again, and end a pause that may end by itself."""
+        for fault_id in sorted({fault.id for fault in self.actuation.state.faults} & _TASKS_FAULTS):
+            if all(health.state is Health.READY for health in _tasks_of(fault_id, supervisor.health)):
+                self.actuation.clear(fault_id)
+        if self._resumes_itself and self.actuation.state.mode is safety.Mode.PAUSED:
+            self.actuation.change_mode(safety.Verb.RESUME_SELF, "the cause of the pause is gone")
 
     async def _first_readings(self) -> None:
         try:
@@ -144,12 +155,13 @@ class Upkeep:
 
         def on_stall(for_s: float) -> None:
             cause = f"{CAUSE} for {for_s:.1f} s"
-            self._on_trouble(f"F30: {cause}; everything was switched off meanwhile, the log tells where it stood")
-            group.create_task(stop(cause), name="stop for a stall")
+            self._on_trouble(f"{STALLED}: {cause}; everything was switched off meanwhile, the log tells where it stood")
+            group.create_task(report(cause), name="fault of a stall")
 
-        async def stop(cause: str) -> None:
-            if self.actuation.state.mode is not safety.Mode.DISARMED:
-                await self.actuation.stop(cause)
+        async def report(cause: str) -> None:
+            await self.actuation.report(STALLED, cause)
+            if self.actuation.state.mode is safety.Mode.DISARMED:  # nothing was at stake
+                self.actuation.clear(STALLED)
             await watch.release()
 
         with StallWatch(self._lanes, on_stall) as watch:
@@ -158,5 +170,11 @@ class Upkeep:
     def _on_fault(self, group: asyncio.TaskGroup, name: str, text: str) -> None:
         what = text if text.startswith(f"{name}: ") else f"{name}: {text}"
         self._on_trouble(what)
-        if action_for(name) >= Action.PAUSE and self.actuation.state.mode is not safety.Mode.DISARMED:
-            group.create_task(self.actuation.stop(what), name=f"stop for {name}")
+        group.create_task(self.actuation.report(fault_of(name), what), name=f"fault of {name}")
+
+
+_TASKS_FAULTS = frozenset(TASK_FAULTS.values()) | {fault_of("any other task")}
+
+
+def _tasks_of(fault_id: str, tasks: Sequence[TaskHealth]) -> list[TaskHealth]:
+    return [task for task in tasks if fault_of(task.name) == fault_id]

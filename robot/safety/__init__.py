@@ -4,16 +4,41 @@ It claims no certified safety function: a hardware e-stop in the supply of valve
 """
 
 from robot.safety.arming import reasons_against_arming
+from robot.safety.catalogue import CATALOGUE, Action, Clear, FaultKind
 from robot.safety.envelope import authorise_motion, authorise_spray, settle_booking, still_allowed
+from robot.safety.failsafe import fault_of, most_severe
+from robot.safety.faults import clear_fault, report_fault
+from robot.safety.lease import beat_lease, holder_reasons, release_lease, take_lease
 from robot.safety.limits import Limits
 from robot.safety.modes import MODE_CHANGES, Verb, change_mode
-from robot.safety.values import Booking, Decision, Inputs, Mode, MotionRequest, SafetyState, SprayRequest
+from robot.safety.monitor import watch
+from robot.safety.values import (
+    ActiveFault,
+    Booking,
+    Cell,
+    Decision,
+    Given,
+    Inputs,
+    Lease,
+    Mode,
+    MotionRequest,
+    SafetyState,
+    SprayRequest,
+)
 
 __all__ = [
+    "CATALOGUE",
     "MODE_CHANGES",
+    "Action",
+    "ActiveFault",
     "Booking",
+    "Cell",
+    "Clear",
     "Decision",
+    "FaultKind",
+    "Given",
     "Inputs",
+    "Lease",
     "Limits",
     "Mode",
     "MotionRequest",
@@ -22,8 +47,17 @@ __all__ = [
     "Verb",
     "authorise_motion",
     "authorise_spray",
+    "beat_lease",
     "change_mode",
+    "clear_fault",
+    "fault_of",
+    "holder_reasons",
+    "most_severe",
     "reasons_against_arming",
+    "release_lease",
+    "report_fault",
     "settle_booking",
     "still_allowed",
+    "take_lease",
+    "watch",
 ]

@@ -85,7 +85,7 @@ def session(folder: Path, stall: Callable[[ByHand], None]) -> Session:
     async def wants_more(hands: ByHand) -> None:
         """What the loop is asked for in the very moment it is back."""
         try:
-            await hands.actuation.start_pump()
+            await hands.actuation.switch_lamp(True)
         except Exception as error:  # noqa: BLE001 - whatever refused it
             happened.refused.append(str(error))
 

@@ -98,7 +98,7 @@ async def machine(folder: Path, *faults: str, start: bool = True) -> AsyncIterat
             devices.arm, devices.relay, devices.wheels, devices.inputs, ledger, limits(config), hand_settings(config),
             modes.append,
         )  # fmt: skip
-        hands.begin_task(task_id, 8000.0, 0.0, {})
+        hands.begin_task(task_id, 8000.0, safety.Given())
         polls = [
             asyncio.create_task(_every(period_s, step))
             for period_s, step in (

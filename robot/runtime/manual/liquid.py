@@ -10,7 +10,7 @@ from dataclasses import replace
 import numpy as np
 
 from drivers.errors import DeviceTimeout
-from robot import dosing
+from robot import dosing, safety
 from robot.actuation import LEDGER_WRITE_S, PulseOrder, Refused
 from robot.clock import work
 from robot.config import Config
@@ -55,7 +55,7 @@ class LiquidByHand:
         self.shot_pressure_bar = math.nan  # as read before the last dose
         tank_ml = max(0.0, min(hands.task.tank_fill_ml, sensors.tank_level_ml))
         self.task_id = hands.ledger.begin_task(replace(hands.task, tank_fill_ml=tank_ml))
-        self._actuation.begin_task(self.task_id, tank_ml, 0.0, {})
+        self._actuation.begin_task(self.task_id, tank_ml, safety.Given())
 
     @property
     def pressure_bar(self) -> float:

@@ -24,6 +24,7 @@ from robot.runtime.resuming import BY_HAND
 from robot.runtime.settings import limits, load_arm, load_row, mission_settings, task
 from robot.runtime.signals import StopSignals
 from robot.runtime.upkeep import Upkeep
+from robot.safety.timing import LEASE_BEAT_S
 
 _LATCHED = (safety.Mode.SAFE_STOP, safety.Mode.ESTOP)
 _SIGNAL = "stopped by "
@@ -100,6 +101,8 @@ async def manual(
             localiser.start(Pose2(0.0, 0.0, 0.0), odometry)
             if signals.name:
                 raise Stopped((f"{_SIGNAL}{signals.name}",))
+            await upkeep.actuation.take_lease(BY_HAND)
+            beating = group.create_task(_keep_lease(upkeep.actuation), name="sign of life")
             await upkeep.arm(safety.Verb.OPERATE, BY_HAND)
             listening = group.create_task(_stop_on_signal(signals, upkeep.actuation), name="signals")
             try:
@@ -107,11 +110,19 @@ async def manual(
                     yield hands
             finally:
                 listening.cancel()
+                beating.cancel()
 
 
 def _note(state: safety.SafetyState, stopped: asyncio.Event) -> None:
     if state.mode in _LATCHED:
         stopped.set()
+
+
+async def _keep_lease(actuation: Actuation) -> None:
+    """The operator sits at the terminal of this process: its life is the sign of theirs."""
+    while True:
+        actuation.beat_lease(BY_HAND)
+        await asyncio.sleep(LEASE_BEAT_S)
 
 
 async def _stop_on_signal(signals: StopSignals, actuation: Actuation) -> None:

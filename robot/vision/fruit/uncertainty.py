@@ -1,7 +1,7 @@
 """How far off a measured fruit may be: the fit's own covariance, what its model leaves out, and a doubtful outline.
 
-The constants were set so that 93 to 98 % of the errors lie inside two sigmas, on the training scenes and the twin's and,
-as a check, on the held-out ones.
+The constants were set so that 93 to 98 % of the errors lie inside two sigmas, on the training scenes and the twin's
+and, as a check, on the held-out ones.
 """
 
 from __future__ import annotations

@@ -99,7 +99,7 @@ def test_the_e_stop_latches_and_everything_ceases_in(state, tmp_path):
     run = spray_row(tmp_path, meddler=press, **SHORT)
     assert run.states[-2].state is state
     assert run.result.mode is Mode.ESTOP
-    assert run.result.causes[0] == "the e-stop was pressed"
+    assert run.result.causes[0] == "the e-stop was pressed [F70l]"
     assert run.latched_s - pressed_s[0] <= 0.15  # the inputs are read ten times a second
     everything_ceased(run)
     process = last_process(run)

@@ -3,8 +3,11 @@ from dataclasses import replace
 import pytest
 
 from robot.safety import (
+    ActiveFault,
     Booking,
+    Given,
     Inputs,
+    Lease,
     Limits,
     Mode,
     MotionRequest,
@@ -23,7 +26,8 @@ GOOD = Inputs(
     arm_healthy=True, relay_s=NOW_S, valve_coil=False, tank_left_ml=5000.0,
 )
 LIMITS = Limits(
-    max_shot_ml=15.0, max_target_ml=20.0, max_minute_ml=60.0, max_task_ml=1000.0, max_pulse_s=2.0,
+    max_shot_ml=15.0, max_target_ml=20.0, max_cell_ml=50.0, max_minute_ml=60.0,
+    max_task_ml=1000.0, max_day_ml=2000.0, max_pulse_s=2.0,
     max_base_speed_m_s=0.3, tank_reserve_ml=200.0, min_pressure_bar=2.4,
 )
 AUTO = SafetyState(mode=Mode.AUTO)
@@ -107,7 +111,7 @@ def test_a_shot_over_a_cap_is_refused(change, words):
 
 
 def test_the_cap_of_a_target_counts_earlier_runs_and_earlier_shots():
-    earlier = replace(AUTO, target_ml=((7, 10.0),), bookings=(Booking(1, NOW_S - 90.0, 7, 5.0, False),))
+    earlier = replace(AUTO, given=Given(target_ml=((7, 10.0),)), bookings=(Booking(1, NOW_S - 90.0, 7, 5.0, False),))
     assert "target: 20.50 ml" in authorise_spray(earlier, GOOD, SHOT, LIMITS, NOW_S)[1].reasons[0]
     other = replace(SHOT, target_id=8)
     assert authorise_spray(earlier, GOOD, other, LIMITS, NOW_S)[1].allowed
@@ -122,8 +126,75 @@ def test_the_cap_of_a_minute_rolls():
 
 
 def test_the_cap_of_the_task_counts_earlier_runs():
-    state = replace(AUTO, task_ml=995.0)
+    state = replace(AUTO, given=Given(task_ml=995.0))
     assert "task: 1000.50 ml" in authorise_spray(state, GOOD, SHOT, LIMITS, NOW_S)[1].reasons[0]
+
+
+def test_the_cap_of_the_day_counts_earlier_tasks_and_this_run():
+    state = replace(AUTO, given=Given(day_ml=1990.0), bookings=(Booking(1, NOW_S - 90.0, 3, 5.0, False),))
+    assert "day: 2000.50 ml" in authorise_spray(state, GOOD, SHOT, LIMITS, NOW_S)[1].reasons[0]
+
+
+def test_the_cap_of_a_square_metre_counts_all_its_targets_and_what_is_pending():
+    here, there = (2, 0), (3, 0)
+    state = replace(
+        AUTO,
+        given=Given(cell_ml=((here, 30.0), (there, 49.0))),
+        bookings=(Booking(1, NOW_S - 90.0, 3, 15.0, False, here), Booking(2, NOW_S - 90.0, 4, 9.0, False, there)),
+    )
+    _, decision = authorise_spray(state, GOOD, replace(SHOT, cell=here), LIMITS, NOW_S)
+    assert "square metre: 50.50 ml" in decision.reasons[0]
+    assert authorise_spray(state, GOOD, replace(SHOT, cell=(4, 0)), LIMITS, NOW_S)[1].allowed
+    booked, _ = authorise_spray(AUTO, GOOD, replace(SHOT, cell=here), LIMITS, NOW_S)
+    assert booked.bookings[0].cell == here
+
+
+def test_a_cap_is_reached_and_not_exceeded():
+    for cap in ("max_target_ml", "max_cell_ml", "max_minute_ml", "max_task_ml", "max_day_ml"):
+        exact = replace(LIMITS, **{cap: 5.5})
+        assert authorise_spray(AUTO, GOOD, replace(SHOT, cell=(0, 0)), exact, NOW_S)[1].allowed
+        below = replace(LIMITS, **{cap: 5.499})
+        assert len(authorise_spray(AUTO, GOOD, replace(SHOT, cell=(0, 0)), below, NOW_S)[1].reasons) == 1
+
+
+@pytest.mark.parametrize("fault_id", ["F22", "F65", "F10"])
+def test_a_fault_that_forbids_spray_forbids_the_shot_and_its_last_look(fault_id):
+    state = replace(AUTO, faults=(ActiveFault(fault_id, "something", NOW_S),))
+    assert authorise_spray(state, GOOD, SHOT, LIMITS, NOW_S)[1].reasons == (f"something [{fault_id}]",)
+    assert still_allowed(state, GOOD, NOW_S).reasons == (f"something [{fault_id}]",)
+
+
+def test_a_fault_forbids_motion_only_when_the_table_says_so():
+    inhibits = replace(AUTO, faults=(ActiveFault("F51", "frozen pictures", NOW_S), ActiveFault("F60", "no fix", NOW_S)))
+    assert authorise_motion(inhibits, GOOD, FORWARD, LIMITS, NOW_S).allowed
+    pauses = replace(AUTO, faults=(ActiveFault("F69", "battery", NOW_S),))
+    assert authorise_motion(pauses, GOOD, ARM, LIMITS, NOW_S).reasons == ("battery [F69]",)
+
+
+def test_by_hand_nothing_moves_without_a_living_holder_of_the_lease():
+    for lease, words in (
+        (None, "nobody holds the controls"),
+        (Lease("tablet", NOW_S - 9.0, NOW_S - 0.6), "no sign of life for 0.60 s"),
+        (Lease("tablet", NOW_S, NOW_S + 1.0), "no sign of life"),
+    ):
+        by_hand = SafetyState(mode=Mode.MANUAL, lease=lease)
+        assert words in authorise_motion(by_hand, GOOD, ARM, LIMITS, NOW_S).reasons[0]
+        assert words in authorise_spray(by_hand, GOOD, SHOT, LIMITS, NOW_S)[1].reasons[0]
+    by_hand = SafetyState(mode=Mode.MANUAL, lease=Lease("tablet", NOW_S - 9.0, NOW_S - 0.4))
+    assert authorise_motion(by_hand, GOOD, ARM, LIMITS, NOW_S).allowed
+    assert authorise_spray(by_hand, GOOD, SHOT, LIMITS, NOW_S)[1].allowed
+
+
+def test_outside_of_the_geofence_the_base_is_driven_back_by_hand_and_slowly():
+    outside = replace(GOOD, fence_margin_m=-0.3)
+    slow, fast = MotionRequest("base", -0.1, 0.0), MotionRequest("base", -0.11, 0.0)
+    by_hand = SafetyState(mode=Mode.MANUAL, lease=Lease("tablet", NOW_S, NOW_S))
+    assert authorise_motion(by_hand, outside, slow, LIMITS, NOW_S).allowed
+    assert "0.30 m outside" in authorise_motion(by_hand, outside, fast, LIMITS, NOW_S).reasons[0]
+    assert "0.30 m outside" in authorise_motion(AUTO, outside, slow, LIMITS, NOW_S).reasons[0]
+    assert authorise_motion(by_hand, outside, ARM, LIMITS, NOW_S).allowed
+    unknown = replace(GOOD, fence_margin_m=float("nan"))
+    assert "geofence" in authorise_motion(AUTO, unknown, FORWARD, LIMITS, NOW_S).reasons[0]
 
 
 def test_one_shot_at_a_time():
@@ -176,3 +247,21 @@ def test_the_last_look_sees_an_arm_that_was_pushed():
 def test_no_configuration_can_widen_the_hard_envelope(value):
     with pytest.raises(ValueError, match=r"max_shot_ml must be between 0 and 50\.0 \(hard envelope\)"):
         replace(LIMITS, max_shot_ml=value)
+
+
+def test_the_envelope_bounds_every_limit_and_its_bound_itself_is_allowed():
+    bounds = {
+        "max_shot_ml": 50.0, "max_target_ml": 100.0, "max_cell_ml": 2000.0, "max_minute_ml": 1000.0,
+        "max_task_ml": 500_000.0, "max_day_ml": 1_000_000.0, "max_pulse_s": 5.0, "max_base_speed_m_s": 1.0,
+        "tank_reserve_ml": 50_000.0, "min_pressure_bar": 20.0, "battery_low_v": 100.0,
+    }  # fmt: skip
+    for name, bound in bounds.items():
+        assert getattr(replace(LIMITS, **{name: bound}), name) == bound
+        with pytest.raises(ValueError, match=f"{name} must be between 0 and"):
+            replace(LIMITS, **{name: bound * 1.001})
+
+
+def test_the_voltage_that_stops_is_not_above_the_one_that_pauses():
+    assert replace(LIMITS, battery_low_v=22.0, battery_stop_v=22.0).battery_stop_v == 22.0
+    with pytest.raises(ValueError, match=r"battery_stop_v \(23\.0\) must not exceed battery_low_v \(22\.0\)"):
+        replace(LIMITS, battery_low_v=22.0, battery_stop_v=23.0)

@@ -17,6 +17,9 @@ def test_every_verb_in_every_mode_does_what_the_table_says_or_is_refused(mode, v
         assert state.mode is (Mode.ESTOP if mode is Mode.ESTOP else Mode.SAFE_STOP)
     elif verb is Verb.DISARM and mode not in (Mode.ESTOP, Mode.SAFE_STOP):
         assert state.mode is Mode.DISARMED
+    elif (mode, verb) == (Mode.PAUSED, Verb.RESUME_SELF):
+        assert decision.reasons == ("this pause ends by an operator only",)
+        assert state.mode is mode
     elif (mode, verb) in MODE_CHANGES:
         assert decision.allowed
         assert state.mode is MODE_CHANGES[(mode, verb)]
@@ -37,7 +40,8 @@ def test_no_way_leads_from_a_latched_mode_to_motion_in_one_step():
     [
         ({"estop_pressed": True}, "e-stop is pressed"),
         ({"bumper_pressed": True}, "bumper"),
-        ({"valve_coil": True}, "coil reads on"),
+        ({"valve_coil": True}, "valve's coil reads on"),
+        ({"pump_coil": True}, "pump's coil reads on"),
         ({"sensors_s": NOW_S - 1.0}, "sensors reading"),
         ({"arm_healthy": False}, "arm"),
     ],
@@ -72,7 +76,7 @@ def test_no_verb_leads_from_the_mission_to_the_operator_or_back_without_a_rest()
 
 
 def test_arming_needs_every_device():
-    assert reasons_against_arming(None, NOW_S) == ("not every device has reported yet",)
+    assert reasons_against_arming(SafetyState(), None, NOW_S) == ("not every device has reported yet",)
 
 
 @pytest.mark.parametrize("inputs", [None, replace(GOOD, estop_pressed=True)])

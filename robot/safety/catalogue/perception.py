@@ -1,0 +1,36 @@
+"""Faults of seeing and of knowing where the rover is."""
+
+from robot.safety.catalogue.kinds import Action, Clear, FaultKind, Proof
+
+PERCEPTION = (
+    FaultKind("F50", "camera gone", "no picture within the time-out", 2.0,
+              Action.SAFE_STOP, Clear.ACKNOWLEDGED, "the place in the row"),
+    FaultKind("F51", "frozen pictures", "identical pictures, stamps that stand", 1.0,
+              Action.INHIBIT_SPRAY, Clear.GONE, "the reason; the stop is not looked at"),
+    FaultKind("F52", "black, white or covered lens", "brightness and contrast of each eye", 1.0,
+              Action.INHIBIT_SPRAY, Clear.GONE, "the reason; the stop is not looked at"),
+    FaultKind("F53", "left and right swapped", "sign of the disparity", 10.0,
+              Action.INHIBIT_SPRAY, Clear.GONE, "the reason; the stop is not looked at"),
+    FaultKind("F54", "stereo camera decalibrated", "rows of matches over many pictures", 10.0,
+              Action.INHIBIT_SPRAY, Clear.GONE, "the offset in pixels"),
+    FaultKind("F55", "left and right not of one moment", "stamps of the pair", 0.5,
+              Action.WARN, Clear.PASSED, "the count of pairs thrown away", Proof.CARD),
+    FaultKind("F56", "target seen before the base moved", "wheel counters since the picture", 0.3,
+              Action.INHIBIT_SPRAY, Clear.GONE, "the target, looked for again"),
+    FaultKind("F57", "detector gives nonsense", "checks of every fruit; a bound on their number", 1.0,
+              Action.WARN, Clear.PASSED, "the target, skipped with its reason"),
+    FaultKind("F58", "target out of reach or in the way of the arm", "inverse kinematics, collision check", 1.0,
+              Action.WARN, Clear.PASSED, "the target, skipped with its reason"),
+    FaultKind("F59", "somebody or something touches the rover", "bumper contact", 0.2,
+              Action.SAFE_STOP, Clear.ACKNOWLEDGED, "the moment"),
+    FaultKind("F60", "no position from satellites", "age and quality of the fix", 3.0,
+              Action.WARN, Clear.GONE, "the pose goes on by wheels and landmarks"),
+    FaultKind("F61", "position jumps", "fix against the wheels", 1.0,
+              Action.WARN, Clear.GONE, "the pose by wheels and landmarks"),
+    FaultKind("F62", "garbage on the receiver's port", "checksum; bounded buffer", 3.0,
+              Action.WARN, Clear.GONE, "the count of bad sentences"),
+    FaultKind("F63", "rover leaves the geofence", "margin of the pose to the polygon", 1.0,
+              Action.SAFE_STOP, Clear.ACKNOWLEDGED, "the pose"),
+    FaultKind("F64", "rover tilts", "inclinometer", 0.2,
+              Action.SAFE_STOP, Clear.ACKNOWLEDGED, "the angle"),
+)
