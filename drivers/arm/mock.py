@@ -24,6 +24,8 @@ WRONG_RAD = 0.05
 class MockArm:
     """Implements ``drivers.arm.interface.Arm``; ``clock`` gives loop time. Goals are streamed at 50 Hz."""
 
+    stop_lane = None
+
     def __init__(self, twin: Twin, clock: Callable[[], float]) -> None:
         self._twin, self._clock = twin, clock
         self._bus = Bus(twin, clock, "arm", twin.nominal.arm_round_trip_s, TIMEOUT_S)
