@@ -1,0 +1,9 @@
+"""One or more scenarios a fault of the catalogue, grouped as the catalogue is."""
+
+from .buses import BUSES
+from .values import Scenario, Scenarios, Seen, Stage
+
+GROUPS: tuple[Scenarios, ...] = (BUSES,)
+SCENARIOS: Scenarios = {fault_id: cases for group in GROUPS for fault_id, cases in group.items()}
+
+__all__ = ["GROUPS", "SCENARIOS", "Scenario", "Scenarios", "Seen", "Stage"]
