@@ -1,9 +1,10 @@
 """One or more scenarios a fault of the catalogue, grouped as the catalogue is."""
 
 from .buses import BUSES
+from .host import HOST
 from .values import Scenario, Scenarios, Seen, Stage
 
-GROUPS: tuple[Scenarios, ...] = (BUSES,)
+GROUPS: tuple[Scenarios, ...] = (BUSES, HOST)
 SCENARIOS: Scenarios = {fault_id: cases for group in GROUPS for fault_id, cases in group.items()}
 
 __all__ = ["GROUPS", "SCENARIOS", "Scenario", "Scenarios", "Seen", "Stage"]

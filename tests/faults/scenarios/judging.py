@@ -26,10 +26,12 @@ ACTIONS = {
 }  # fmt: skip
 
 
-def judged(run: Run, at_s: float, *words: str, kept: str = "every millilitre", leaked_ml: float = 0.0) -> Seen:
+def judged(run: Run, at_s: float, *words: str, kept: str = "every millilitre", leaked_ml: float = 0.0,
+           longest_s: float | None = None) -> Seen:  # fmt: skip
     """The action that the machine took after ``at_s``, shown to be whole; all ``words`` were told.
 
-    ``leaked_ml`` may be missing in the ledger: what left a valve that does not obey its coil.
+    ``leaked_ml`` may be missing in the ledger: what left a valve that does not obey its coil. ``longest_s`` is how long
+    the valve may have been open, when it was not the robot that opened it.
     """
     for word in words:
         assert word in run.said, run.said
@@ -47,7 +49,7 @@ def judged(run: Run, at_s: float, *words: str, kept: str = "every millilitre", l
         assert run.result.state is State.IDLE
         rests(run, taken.stamp_s)
         assert run.last_s - taken.stamp_s <= LETTING_GO_S
-        ends_safe(run)
+        ends_safe(run, longest_s)
     return Seen(ACTIONS[taken.mode], taken.stamp_s - at_s, kept)
 
 
@@ -58,13 +60,14 @@ def rests(run: Run, from_s: float, until_s: float = math.inf) -> None:
     assert [t for t in motions_asked_after(process, from_s) if t < until_s] == []
 
 
-def ends_safe(run: Run) -> None:
+def ends_safe(run: Run, longest_s: float | None = None) -> None:
     """Once every timer has run out: valve shut, pump off, and no opening was longer than its pulse."""
     after = run.run_on()
     assert not after.valve_open
     assert not after.physics.hydraulics.pump_on
     process = last_process(run)
-    longest_s = max((pulse.duration_s for pulse in valve_pulses(process)), default=0.0)
+    if longest_s is None:
+        longest_s = max((pulse.duration_s for pulse in valve_pulses(process)), default=0.0)
     assert all(end - start <= longest_s + VALVE_LAG_S for start, end in openings(process) if end < math.inf)
 
 
