@@ -27,6 +27,8 @@ from robot.ledger.values import Checkpoint, Dangling, Task
 from robot.mission import Localiser, Mission, MissionContext, MissionSettings, Progress, State, Trouble
 from robot.runtime.backends import BuildOptions, build_devices, needs_twin, require_timed_pulses, watched
 from robot.runtime.devices import Devices, fault_plan, make_twin
+from robot.runtime.gps_poll import GpsPoll
+from robot.runtime.host_watch import HostWatch
 from robot.runtime.recorder import FrameRecorder
 from robot.runtime.resuming import cells_ml, check_resumable, given_by_target_ml, taken_by_hand_ml, task_to_resume
 from robot.runtime.settings import load_arm, load_camera, load_row, mission_settings, task
@@ -184,6 +186,8 @@ class _Robot:
         self.localiser = Localiser(settings.track_m, settings.datum, settings.fix_rules)
         self._upkeep = Upkeep(config, devices, ledger, self._mode_changed, self._trouble)
         self.actuation = self._upkeep.actuation
+        self._gps = GpsPoll(devices.gps, self.localiser, settings, self.actuation, self._trouble)
+        self._host = HostWatch(options.config_path, config.simulated, self.actuation, self._trouble)
 
     def open_task(self, task: Task) -> int:
         """A new task in the ledger, or with ``resume`` the last one and how far it came."""
@@ -214,8 +218,9 @@ class _Robot:
         """Poll, supervise, run the mission when there is one, and wait for a signal when there is none."""
         recorder = FrameRecorder(self._bus, frames_folder(self._options.folder))
         polls = (
-            Poll("gps", "navigation", self._poll_gps, 0.0, 3.0),
+            Poll("gps", "navigation", self._gps.step, 0.0, 3.0),
             Poll("modem", "telemetry", self._poll_modem, 10.0, 30.0),
+            *self._host.polls,
         )
         async with self._upkeep.living(self._on_odometry, polls) as group:
             keeping = group.create_task(recorder.run(), name="frame recorder")
@@ -277,9 +282,6 @@ class _Robot:
         if fence is not None and self.localiser.started:
             pose, sigma_m = self.localiser.pose, self.localiser.filter.position_sigma_m
             self.actuation.note_fence(fence.margin_m(pose.x_m, pose.y_m, sigma_m))
-
-    async def _poll_gps(self) -> None:
-        self.localiser.on_fix(await self._devices.gps.next_fix())
 
     async def _poll_modem(self) -> None:
         self._bus.publish(await self._devices.modem.status())

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import asyncio
 
-
 from drivers.relay.values import Channel
 from drivers.twin.commands import ArmTorque, RelayAllOff, RelaySwitch, WheelsDrive, WheelsStop, WorldServoError
 from robot.ledger.values import Outcome

@@ -28,12 +28,13 @@ from robot.ledger import Ledger, LedgerReader
 from robot.ledger.values import Outcome
 from robot.mission import State
 from robot.runtime import ledger_path
-from robot.safety import Mode
+from robot.runtime.host_watch import CLOCK_PERIOD_S, HEAT_PERIOD_S, HostWatch
+from robot.safety import Mode, Verb
 from robot.safety.catalogue import Action
 from tests.e2e.rover_process import short_row
 from tests.robot.machine import machine
 from tests.robot.mission.conftest import SHORT
-from tests.robot.mission.rover import World, spray_row
+from tests.robot.mission.rover import DEMO, World, spray_row
 from tests.robot.mission.truths import last_process, valve_pulses
 
 from .buses import during_a_shot
@@ -308,6 +309,100 @@ def second_runtime(stage: Stage) -> Seen:
     return seen
 
 
+def clock_jumps(stage: Stage) -> Seen:
+    """Two hours in no time: told, and a start is still possible."""
+
+    async def main() -> Seen:
+        async with machine(stage.folder, start=False) as m:
+            loop, jump_s, told = asyncio.get_running_loop(), 0.0, list[str]()
+            watch = HostWatch(stage.folder, False, m.actuation, told.append, lambda: loop.time() + jump_s)
+
+            async def keep_looking() -> None:
+                while True:
+                    await watch.look_at_clock()
+                    await asyncio.sleep(CLOCK_PERIOD_S)
+
+            looking = asyncio.create_task(keep_looking())
+            await asyncio.sleep(2.2)
+            assert told == []
+            at_s, jump_s = loop.time(), -7200.0
+            while not told:
+                assert loop.time() - at_s < 5.0
+                await asyncio.sleep(0.01)
+            after_s = loop.time() - at_s
+            assert "jumped by -7200.0 s" in told[0]
+            assert [fault.id for fault in m.actuation.state.faults] == ["F41"]
+            await m.actuation.energise(lamp=False)
+            for verb in (Verb.ARM, Verb.START):
+                assert m.actuation.change_mode(verb, "test").allowed
+            await m.ready_to_spray()
+            result = await m.spray(0.32)
+            assert result.outcome is Outcome.SPRAYED
+            assert result.open_s == pytest.approx(0.32, abs=0.01)
+            assert m.actuation.state.faults == ()
+            looking.cancel()
+            return Seen(Action.WARN, after_s, "durations and the order of rows")
+
+    return run_virtual(main())
+
+
+def too_hot(stage: Stage) -> Seen:
+    """Told from 75 degrees on, paused from 85 on, over when it has cooled."""
+    zone = stage.folder / "thermal_zone0"
+    zone.mkdir()
+    (zone / "type").write_text("cpu-thermal\n")
+    other = stage.folder / "thermal_zone1"
+    other.mkdir()
+    (other / "type").write_text("battery\n")
+    (other / "temp").write_text("99000\n")
+
+    async def main() -> Seen:
+        async with machine(stage.folder) as m:
+            loop, told = asyncio.get_running_loop(), list[str]()
+            watch = HostWatch(stage.folder, False, m.actuation, told.append, zones=stage.folder)
+
+            async def at(celsius: float) -> None:
+                (zone / "temp").write_text(f"{round(1000 * celsius)}\n")
+                await asyncio.sleep(HEAT_PERIOD_S)
+                await watch.look_at_heat()
+
+            await at(60.0)
+            assert told == []
+            await at(76.0)
+            assert "76 C" in told[0]
+            assert m.actuation.state.mode is Mode.AUTO
+            at_s = loop.time()
+            await at(86.0)
+            after_s = loop.time() - at_s
+            assert m.actuation.state.mode is Mode.PAUSED
+            assert "86 C" in m.actuation.state.causes[0]
+            await at(81.0)
+            assert [fault.id for fault in m.actuation.state.faults] == ["F48"]
+            await at(79.0)
+            assert m.actuation.state.faults == ()
+            assert len(told) == 2
+            return Seen(Action.PAUSE, after_s, "the temperature")
+
+    return run_virtual(main())
+
+
+def configuration_edited(stage: Stage) -> Seen:
+    """In the middle of the mission somebody halves every dose in the file: told, and not obeyed."""
+    path, moments = stage.folder / "mine.toml", list[float]()
+    text = DEMO.read_text()
+    path.write_text(text)
+
+    async def edit(world: World) -> None:
+        await world.until(State.AIM)
+        moments.append(world.now_s)
+        assert "coefficient = 0.02 " in text
+        path.write_text(text.replace("coefficient = 0.02 ", "coefficient = 0.01 "))
+
+    run = spray_row(stage.folder, meddler=edit, config_path=path, **SHORT)
+    assert [shot.intent.dose_ml for shot in run.shots] == [shot.intent.dose_ml for shot in stage.undisturbed.shots]
+    return judged(run, moments[0], "was changed", "[F46]", kept="the configuration of the start")
+
+
 HOST: Scenarios = {
     "F26": {"": killed},
     "F27": {name.name: told_to_end(name) for name in (signal.SIGTERM, signal.SIGINT)},
@@ -323,6 +418,7 @@ HOST: Scenarios = {
         "read-only": disk_fails("SQLITE_READONLY", "can be written", "what is in memory"),
         "failing": disk_fails("SQLITE_IOERR_WRITE", "replace it", "what is in memory"),
     },
+    "F41": {"": clock_jumps},
     "F43": {zone: other_zone(zone) for zone in ("Pacific/Kiritimati", "America/St_Johns")},
     "F44": {
         "unknown key": wrong_configuration("max_ml = 12.0", "max_ml = 12.0\nmin_pulze_s = 1", "did you mean"),
@@ -332,6 +428,8 @@ HOST: Scenarios = {
         "milliseconds for seconds": wrong_configuration("valve_open_s = 0.025", "valve_open_s = 25", "found 25"),
         "degrees for radians": wrong_configuration("-0.8, 1.35, 0.0", "-0.8, 135.0, 0.0", "arm.stow_rad"),
     },
+    "F46": {"": configuration_edited},
     "F47": {"": newer_ledger},
+    "F48": {"": too_hot},
     "F49": {"": second_runtime},
 }
