@@ -45,7 +45,15 @@ def test_the_machine_does_in_time_what_the_catalogue_says(
     assert seen.kept
 
 
-@pytest.mark.parametrize("kind", [kind for kind in CATALOGUE if kind.proof is Proof.SIMULATED], ids=lambda kind: kind.id)
+def shown_by(proof: Proof) -> list[FaultKind]:
+    return [kind for kind in CATALOGUE if kind.proof is proof]
+
+
+def number(kind: FaultKind) -> str:
+    return kind.id
+
+
+@pytest.mark.parametrize("kind", shown_by(Proof.SIMULATED), ids=number)
 def test_every_fault_that_can_be_simulated_has_its_scenario(kind: FaultKind) -> None:
     if (place := SHOWN_ELSEWHERE.get(kind.id)) is None:
         assert SCENARIOS.get(kind.id), f"{kind.id} ({kind.title}) has no scenario"
@@ -64,7 +72,7 @@ def numbers_on_cards() -> set[str]:
     return {number for card in CARDS.glob("*.md") for number in re.findall(r"\bF\d\d[a-z]?\b", card.read_text())}
 
 
-@pytest.mark.parametrize("kind", [kind for kind in CATALOGUE if kind.proof is Proof.CARD], ids=lambda kind: kind.id)
+@pytest.mark.parametrize("kind", shown_by(Proof.CARD), ids=number)
 def test_every_fault_that_needs_the_machine_stands_on_a_card(kind: FaultKind) -> None:
     assert kind.id in numbers_on_cards(), f"no card in {CARDS} names {kind.id} ({kind.title})"
 

@@ -39,7 +39,7 @@ BUSES = (
               Action.SAFE_STOP, Clear.RESTARTED, "what answered", Proof.CARD),
     FaultKind("F18", "servo calibration does not fit", "limits and offsets read back at the start", 5.0,
               Action.SAFE_STOP, Clear.RESTARTED, "what was read", Proof.CARD),
-    FaultKind("F19", "supply of the servos low", "voltage they report", 2.0,
+    FaultKind("F19", "supply of the servos low", "their error bit of low voltage", 2.0,
               Action.SAFE_STOP, Clear.ACKNOWLEDGED, "the voltage", Proof.CARD),
     FaultKind("F20", "drive does not answer", "no odometry for 0.3 s", 0.8,
               Action.SAFE_STOP, Clear.ACKNOWLEDGED, "the wheel counters"),

@@ -151,14 +151,18 @@ def leaking(stage: Stage) -> Seen:
     return judged(run, at_s, "leak", leaked_ml=3.0, kept="the litres that leaked, to 3 ml")
 
 
-def rolling_on(stage: Stage) -> Seen:
+def rolling_on(share: float) -> Scenario:
     """The drive keeps its speed whatever it is told; the contactor takes its power."""
-    at_s = stage.moment(State.MOVE, 0.85)
-    run = spray_row(stage.folder, faults=(f"wheels:stuck@{at_s:.4f}s",), **SHORT)
-    off_s = [e.t for e in last_process(run).events if e.what == "coil_off" and e.detail["channel"] == "contactor"]
-    assert off_s
-    assert off_s[0] - at_s <= 2.5
-    return judged(run, at_s, "wheels", kept="the speed")
+
+    def scenario(stage: Stage) -> Seen:
+        at_s = stage.moment(State.MOVE, share)
+        run = spray_row(stage.folder, faults=(f"wheels:stuck@{at_s:.4f}s",), **SHORT)
+        off_s = [e.t for e in last_process(run).events if e.what == "coil_off" and e.detail["channel"] == "contactor"]
+        assert off_s
+        assert off_s[0] - at_s <= 2.5
+        return judged(run, at_s, "wheels", kept="the speed")
+
+    return scenario
 
 
 def rolled_in_a_shot(stage: Stage) -> Seen:
@@ -188,6 +192,7 @@ BUSES: Scenarios = {
         "while it drives": failing("relay:off", State.MOVE, 0.5, "relay", "[F01]"),
         "while it aims": failing("relay:off", State.AIM, 0.5, "relay", "[F01]"),
         "for good, with garbled answers": failing("relay:garbage", State.AIM, 0.5, "a garbled answer"),
+        "every other answer lost": failing("relay:intermittent", State.SPRAY, 0.01, "relay"),
         "plug pulled": failing("relay:unplugged", State.AIM, 0.5, "relay"),
     },
     "F02": {"": unplugged_in_a_shot},
@@ -225,7 +230,7 @@ BUSES: Scenarios = {
         "while it aims": failing("inputs:off", State.AIM, 0.5, "inputs", kept="the last reading"),
         "while it sprays": failing("inputs:off", State.SPRAY, 0.3, "inputs", kept="the last reading"),
     },
-    "F21": {"": rolling_on},
+    "F21": {"at full speed": rolling_on(0.5), "while it brakes": rolling_on(0.85)},
     "F22": {"": rolled_in_a_shot},
     **WIRES,
 }

@@ -27,16 +27,18 @@ ACTIONS = {
 
 
 def judged(run: Run, at_s: float, *words: str, kept: str = "every millilitre", leaked_ml: float = 0.0,
-           longest_s: float | None = None) -> Seen:  # fmt: skip
+           longest_s: float | None = None, least: Action = Action.PAUSE) -> Seen:  # fmt: skip
     """The action that the machine took after ``at_s``, shown to be whole; all ``words`` were told.
 
     ``leaked_ml`` may be missing in the ledger: what left a valve that does not obey its coil. ``longest_s`` is how long
-    the valve may have been open, when it was not the robot that opened it.
+    the valve may have been open, when it was not the robot that opened it. The action is the first that is at ``least``
+    so severe.
     """
     for word in words:
         assert word in run.said, run.said
     is_accounted_for(run, leaked_ml)
-    taken = next((item for item in run.modes if item.mode in ACTIONS and item.stamp_s >= at_s - 1e-6), None)
+    severe = {mode for mode, action in ACTIONS.items() if action >= least}
+    taken = next((item for item in run.modes if item.mode in severe and item.stamp_s >= at_s - 1e-6), None)
     if taken is None:
         assert run.result.state is State.DONE, run.said
         assert run.result.mode is safety.Mode.DISARMED

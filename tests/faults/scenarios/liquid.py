@@ -24,11 +24,12 @@ from .judging import judged
 from .values import Scenario, Scenarios, Seen, Stage
 
 GUARDED = {"battery_low_v": 22.8, "battery_stop_v": 21.6}
+SOON = {"longest_pause_s": 5.0}  # then nobody is waited for any longer
 
 
 def tank_at_its_reserve(stage: Stage) -> Seen:
     """The first shot takes the balance below what the next may need."""
-    run = spray_row(stage.folder, task={"tank_fill_ml": 215.0}, **SHORT)
+    run = spray_row(stage.folder, task={"tank_fill_ml": 215.0}, safety=SOON, **SHORT)
     assert len(run.shots) == 1
     assert run.twin.physics.tank_ml >= run.config.fluid.tank_reserve_ml
     assert any(target.state is TargetState.OPEN for target in run.targets)
@@ -84,7 +85,7 @@ def pump_dead(stage: Stage) -> Seen:
     return judged(run, asked_s[0], "pump: expected", "bar", kept="the pressure")
 
 
-def other_product(changed: Mapping[str, object], *words: str) -> Scenario:
+def other_product(changed: Mapping[str, object]) -> Scenario:
     """Another product in the tank is another task: the row is not gone on with."""
 
     def scenario(stage: Stage) -> Seen:
@@ -98,8 +99,7 @@ def other_product(changed: Mapping[str, object], *words: str) -> Scenario:
         with pytest.raises(SprayerError) as caught:
             spray_row(stage.folder, resume=True, task=changed, **SHORT)
         after_s = time.process_time() - began_s
-        for word in words:
-            assert word in str(caught.value)
+        assert "task" in str(caught.value)
         processes = read_truth(stage.folder / "truth.jsonl").processes
         assert len(processes[0].commands) == asked
         assert all(list(process.commands) == [] for process in processes[1:])
@@ -108,7 +108,7 @@ def other_product(changed: Mapping[str, object], *words: str) -> Scenario:
     return scenario
 
 
-def battery(voltage_v: float, words: str) -> Scenario:
+def battery(voltage_v: float, words: str, least: Action) -> Scenario:
     def scenario(stage: Stage) -> Seen:
         moments: list[float] = []
 
@@ -118,8 +118,8 @@ def battery(voltage_v: float, words: str) -> Scenario:
             moments.append(world.now_s)
             world.suffer(WorldBattery(voltage_v))
 
-        run = spray_row(stage.folder, meddler=sag, safety=GUARDED, **SHORT)
-        return judged(run, moments[0], "the battery is at", words, kept="the voltage")
+        run = spray_row(stage.folder, meddler=sag, safety=GUARDED | SOON, **SHORT)
+        return judged(run, moments[0], "the battery is at", words, kept="the voltage", least=least)
 
     return scenario
 
@@ -132,8 +132,8 @@ LIQUID: Scenarios = {
         "tank empty, balance wrong": emptied,
     },
     "F67": {"": pump_dead},
-    "F68": {"product": other_product({"product": "Another"}, "product")},
-    "F69": {"": battery(22.0, "[F69]")},
-    "F69b": {"": battery(21.0, "[F69b]")},
+    "F68": {"another product": other_product({"product": "Another"})},
+    "F69": {"": battery(22.0, "[F69]", Action.PAUSE)},
+    "F69b": {"": battery(21.0, "[F69b]", Action.SAFE_STOP)},
 }
 

@@ -9,6 +9,7 @@ from datetime import timedelta
 
 import numpy as np
 import numpy.typing as npt
+import pytest
 
 from drivers.errors import DeviceError
 from drivers.gps.nmea import NmeaGps
@@ -21,13 +22,17 @@ from drivers.twin.commands import (
     WorldPush,
     WorldTilt,
 )
+from robot.actuation import Refused
+from robot.clock import run_virtual
 from robot.mission import State, TargetSkipped
+from robot.safety import Mode
 from robot.safety.catalogue import Action
 from robot.vision.stereo_rig import StereoRig
 from robot.vision.values import Circle, Fruit
 from tests.contract.rigged import Rigged
 from tests.drivers.gps.rig import now
 from tests.drivers.gps.rig import run as on_receiver
+from tests.robot.machine import machine
 from tests.robot.mission.conftest import SHORT
 from tests.robot.mission.oracle import Oracle
 from tests.robot.mission.rover import Meddler, World, spray_row
@@ -63,7 +68,29 @@ def rolled_before_a_shot(stage: Stage) -> Seen:
     left_s = next(entered.stamp_s for entered in run.states if entered.reason == "base moved")
     assert [t for t in openings_asked_after(process, left_s) if t < looked_s] == []
     assert {shot.intent.stop for shot in run.shots} == {1, 2}
-    return Seen(Action.INHIBIT_SPRAY, left_s - moments[0], "the target, looked for again")
+    return Seen(Action.INHIBIT_SPRAY, _refused_after_s(stage), "the target, looked for again")
+
+
+def _refused_after_s(stage: Stage) -> float:
+    """From the base's first motion until no shot at what was seen before is allowed any more."""
+
+    async def main() -> float:
+        async with machine(stage.folder) as m:
+            await m.ready_to_spray()
+            began_s = now()
+            m.twin.apply(began_s, WheelsDrive(0.15, 0.0))
+            while not m.actuation.base_moved:  # noqa: ASYNC110 - the machine gives no signal
+                await asyncio.sleep(0.005)
+            after_s = now() - began_s
+            m.twin.apply(now(), WheelsStop())
+            await asyncio.sleep(1.0)
+            with pytest.raises(Refused, match="base"):
+                await m.spray()
+            assert m.twin.dispensed_ml == 0.0
+            assert m.actuation.state.mode is Mode.AUTO
+            return after_s
+
+    return run_virtual(main())
 
 
 Spoil = Callable[[tuple[Fruit, ...]], tuple[Fruit, ...]]
@@ -113,7 +140,7 @@ def out_of_reach(stage: Stage) -> Seen:
     told: list[tuple[float, str]] = []
 
     def farther(fruits: tuple[Fruit, ...]) -> tuple[Fruit, ...]:
-        return tuple(replace(fruit, centre_m=np.asarray(fruit.centre_m) + (0.0, 0.0, 1.5)) for fruit in fruits)
+        return tuple(replace(fruit, centre_m=np.add(fruit.centre_m, (0.0, 0.0, 1.5))) for fruit in fruits)
 
     async def listen(world: World) -> None:
         skips = world.bus.subscribe(TargetSkipped)
