@@ -100,4 +100,6 @@ class Readings:
             battery_v=sum(self.battery_v) / len(self.battery_v) if self.battery_v else math.inf,
             moved_since_pause_m=self._rolled_since(self.pause_mark),
             fence_margin_m=self.fence_margin_m,
+            arm_torque_on=self.arm.torque_on,
+            arm_errors=tuple(self.arm.hardware_error),
         )

@@ -31,6 +31,7 @@ from robot.config import Config
 from robot.errors import UsageError
 from robot.package_files import config_file
 from robot.runtime import EmulatorOptions, StopSignals, emulator_process
+from robot.runtime.devices import fault_plan
 from robot.runtime.manual import ByHand, ManualOptions, manual
 
 Act = Callable[[ByHand], Awaitable[None]]
@@ -93,6 +94,7 @@ class HandCommand:
             raise UsageError(f"{options.config}: has no emulated rover (twin.behind is not 'emulators')")
         if options.fault and not self._simulated:
             raise UsageError("--fault works on the simulated machine only; use mocks or --emulate")
+        fault_plan(options.fault or ())  # refused before anything is opened
         if math.isnan(options.speed):
             raise UsageError("--speed nan: expected simulated seconds a second")
 

@@ -27,6 +27,7 @@ from robot.logs import journal_handler
 from robot.mission import State
 from robot.package_files import config_file
 from robot.runtime import EmulatorOptions, RunOptions, RunResult, StopSignals, emulator_process, ledger_path, run_robot
+from robot.runtime.devices import fault_plan
 from robot.targets import TargetState
 
 ConfigOption = Annotated[Path, typer.Option("--config", help="Configuration file, or the name of one that came along.")]
@@ -73,6 +74,7 @@ def run(
     faults = tuple(fault or ())
     if faults and not (emulate or settings.simulated):
         raise UsageError("--fault works on the simulated machine only; use mocks or --emulate")
+    fault_plan(faults)  # refused before anything is opened
     folder = out or settings.robot.run_directory
     control = socket_path(folder, os.environ)
     options = RunOptions(

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import asyncio
+
 from drivers.camera.values import StereoFrame
 from drivers.errors import DeviceFault
 from robot import navigation
@@ -14,9 +16,15 @@ from robot.mission.events import FrameSeen, Trouble
 from robot.mission.light import look, mistrust
 from robot.mission.transitions import Event
 from robot.targets import Book, Match, Sighting, TargetState, match, observe, sighting, wanted, with_state
+from robot.vision.plausible import implausible
 from robot.vision.values import Fruit
 
+LONGEST_DETECTION_S = 60.0
 _STAMP_TOLERANCE_S = 0.2  # of a camera whose latency is not known well; the base has stood for longer than that
+
+
+class VisionError(SprayerError):
+    """The detector hangs: nobody knows what it holds up."""
 
 
 class LightError(SprayerError):
@@ -35,10 +43,11 @@ async def detect(context: MissionContext) -> Event:
         return Event.BASE_MOVED
     context.localiser.on_odometry(after)
     if why := mistrust(light):
-        return await _leave_out(context, frame, light, why)
+        return await _leave_in_the_dark(context, frame, light, why)
     settings = context.settings
-    detector, rig = context.detector, context.rig
-    fruits = await work(lambda: detector.detect(frame.left, frame.right, rig), settings.detect_duration_s)
+    fruits, nonsense = await _fruits_in(context, frame)
+    if nonsense:
+        return await _leave_out(context, frame, light, f"the detector gave {nonsense}; this frame is dropped [F57]")
     pose = _correct_pose(context, fruits, frame.stamp_s)
     book, matches = observe(context.progress.book, _sightings(context, fruits, pose), frame.stamp_s, settings.book)
     await context.keep(_judged(book, context))
@@ -48,17 +57,48 @@ async def detect(context: MissionContext) -> Event:
     return Event.TARGETS if chosen(context) else Event.NO_TARGETS
 
 
+async def _fruits_in(context: MissionContext, frame: StereoFrame) -> tuple[tuple[Fruit, ...], str]:
+    """What the detector sees, or why that is nonsense. ``VisionError`` when it does not come to an end."""
+    detector, rig = context.detector, context.rig
+    try:
+        async with asyncio.timeout(LONGEST_DETECTION_S):
+            fruits = await work(
+                lambda: detector.detect(frame.left, frame.right, rig), context.settings.detect_duration_s
+            )
+    except TimeoutError:
+        raise VisionError(
+            f"the detector did not come to an end within {LONGEST_DETECTION_S:g} s; choose a faster one, then resume"
+        ) from None
+    except Exception as error:  # noqa: BLE001 - whatever a detector trips over, its frame is worth nothing
+        return (), f"an error ({type(error).__name__}: {error})"
+    return fruits, implausible(fruits, rig.image_size)
+
+
 async def _leave_out(context: MissionContext, frame: StereoFrame, light: StopLight, why: str) -> Event:
-    """Nothing is looked for in such light, so nothing is sprayed at this stop; it is told and written down."""
-    pose = context.localiser.pose_at(frame.stamp_s)
-    context.progress.frame_pose, context.progress.seen = pose, frozenset()
-    await _record(context, frame, light, (), (), pose)
-    text = f"stop {context.progress.stop}: {why}"
-    await context.record("light", text)
+    """Nothing is looked for in such a frame, so nothing is sprayed at this stop; it is told and written down."""
+    text = await _tell_left_out(context, frame, light, why, "vision")
+    context.publish(Trouble(text, context.now_s()))
+    return Event.NO_TARGETS
+
+
+async def _leave_in_the_dark(context: MissionContext, frame: StereoFrame, light: StopLight, why: str) -> Event:
+    """As ``_leave_out``; or the mission stops, when the configuration says so."""
+    text = await _tell_left_out(context, frame, light, why, "light")
     if context.settings.light.stops_when_dark:
         raise LightError(f"{text}; come back by day or light the lamp, then resume")
     context.publish(Trouble(text, context.now_s()))
     return Event.NO_TARGETS
+
+
+async def _tell_left_out(
+    context: MissionContext, frame: StereoFrame, light: StopLight, why: str, kind: str
+) -> str:
+    pose = context.localiser.pose_at(frame.stamp_s)
+    context.progress.frame_pose, context.progress.seen = pose, frozenset()
+    await _record(context, frame, light, (), (), pose)
+    text = f"stop {context.progress.stop}: {why}"
+    await context.record(kind, text)
+    return text
 
 
 def _require_fresh(frame: StereoFrame, called_s: float) -> None:

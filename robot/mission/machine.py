@@ -11,12 +11,12 @@ from robot.errors import SprayerError
 from robot.mission.aim import aim
 from robot.mission.context import MissionContext
 from robot.mission.detect import detect
+from robot.mission.device_faults import fault_of_error
 from robot.mission.events import StateEntered, Trouble
 from robot.mission.move import move
 from robot.mission.spray import spray
 from robot.mission.stop import stop
 from robot.mission.transitions import Event, State, next_state
-from robot.safety.failsafe import fault_of
 
 StateTask = Callable[[MissionContext], Awaitable[Event]]
 
@@ -118,7 +118,7 @@ class Mission:
         self._context.publish(Trouble(str(error), self._context.now_s()))
         text = f"{self.state}: {error}"
         if isinstance(error, DeviceError):
-            await self._context.actuation.report(fault_of(error.device), text)
+            await self._context.actuation.report(fault_of_error(error), text)
         if self._in_auto():
             await self._context.actuation.stop(text)
 

@@ -11,7 +11,7 @@ from robot.safety.timing import COAST_S, ROLLING_M_S, TILT_STOP_RAD
 from robot.safety.values import Inputs, Mode, SafetyState
 
 _ENERGISED = (Mode.READY, Mode.AUTO, Mode.MANUAL, Mode.PAUSED)
-MONITORED = ("F08", "F21", "F59", "F63", "F64", "F65", "F69", "F69b", "F70i", "F70l")
+MONITORED = ("F08", "F12", "F13", "F21", "F59", "F63", "F64", "F65", "F69", "F69b", "F70i", "F70l")
 
 
 def watch(state: SafetyState, inputs: Inputs, limits: Limits, now_s: float) -> SafetyState:
@@ -31,9 +31,13 @@ def _shown(state: SafetyState, inputs: Inputs, limits: Limits, now_s: float) -> 
     shot = any(booking.pending for booking in state.bookings)
     rolls_on = state.rolling_since_s is not None and now_s - state.rolling_since_s > COAST_S
     lease = lease_reasons(state, now_s) if state.mode is Mode.MANUAL else ()
+    errors = " ".join(f"0x{error:02x}" for error in inputs.arm_errors)
     empty_ml = limits.tank_reserve_ml + limits.max_shot_ml
     conditions = (
         ("F08", energised and inputs.valve_coil and not shot, "the valve's coil reads on though nobody opened it"),
+        ("F12", energised and any(inputs.arm_errors),
+         f"the servos of the arm report the errors {errors}: let it cool down, look for what blocks it"),
+        ("F13", energised and not inputs.arm_torque_on, "the arm has lost its torque: a servo started anew"),
         ("F21", energised and rolls_on,
          f"the base rolls at {inputs.base_speed_m_s:.2f} m/s though it was told to stand still"),
         ("F59", energised and inputs.bumper_pressed, "the bumper was pressed"),

@@ -29,7 +29,8 @@ class Inputs:
     ``tank_left_ml`` is the ledger's balance; ``moved_since_frame_m`` how far the base rolled since the frame in which
     the target was last seen; ``arm_settled`` that every joint has been within tolerance of its goal long enough;
     ``battery_v`` an average over some readings; ``moved_since_pause_m`` how far the base rolled since the last pause;
-    ``fence_margin_m`` the distance to the geofence from inside, less the pose's uncertainty, infinite without one.
+    ``fence_margin_m`` the distance to the geofence from inside, less the pose's uncertainty, infinite without one;
+    ``arm_errors`` the servos' error bytes, one a joint.
     """
 
     sensors_s: float
@@ -52,6 +53,8 @@ class Inputs:
     battery_v: float = math.inf
     moved_since_pause_m: float = 0.0
     fence_margin_m: float = math.inf
+    arm_torque_on: bool = True
+    arm_errors: tuple[int, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)

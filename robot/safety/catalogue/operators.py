@@ -19,7 +19,7 @@ OPERATORS = (
               Action.WARN, Clear.GONE, "every dose and fault row", Proof.FACES),
     FaultKind("F70h", "broker half dead", "keep-alive", 45.0,
               Action.WARN, Clear.GONE, "the loop never waits", Proof.FACES),
-    FaultKind("F70i", "operator's heartbeat lost", "age of the lease's last beat", 0.5,
+    FaultKind("F70i", "operator's heartbeat lost", "age of the lease's last beat", 0.7,
               Action.PAUSE, Clear.GONE, "the lease, for five seconds more"),
     FaultKind("F70j", "double press", "one shot at a time; one key a press", 0.1,
               Action.WARN, Clear.PASSED, "both requests"),

@@ -36,6 +36,7 @@ from robot.runtime import ModeChanged, RunBegan, RunOptions, RunResult, ledger_p
 from robot.runtime.devices import nominal_machine
 from robot.runtime.settings import load_arm, load_row
 from robot.targets import Target
+from robot.vision.detector import Detector
 
 from .oracle import Oracle, WatchedRenderer
 
@@ -198,11 +199,14 @@ def spray_row(
     meddler: Meddler | None = None,
     resume: bool = False,
     start: bool = True,
+    eyes: Callable[[Oracle], Detector] = lambda oracle: oracle,
+    config_path: Path = DEMO,
     **changes: Mapping[str, object],
 ) -> Run:
-    """One life of the robot on a row; ``changes`` are values of the configuration by section."""
+    """One life of the robot on a row; ``changes`` are values of the configuration by section, ``eyes`` what it detects
+    with, ``config_path`` the file that it takes its configuration to be from."""
     config = configuration(folder, stops_m, length_m, side, changes)
-    options = RunOptions(DEMO, folder / "run", start, resume, folder / "truth.jsonl")
+    options = RunOptions(config_path, folder / "run", start, resume, folder / "truth.jsonl")
     twin = simulated(config, options, faults)
     witness = Witness(twin)
     twin.truth = witness  # type: ignore[assignment]
@@ -213,7 +217,7 @@ def spray_row(
     async def life() -> RunResult:
         meddling = asyncio.ensure_future(meddler(World(twin, bus))) if meddler is not None else None
         try:
-            return await run_robot(config, options, bus, detector=oracle, twin=twin)
+            return await run_robot(config, options, bus, detector=eyes(oracle), twin=twin)
         finally:
             if meddling is not None:
                 if meddling.done():

@@ -38,7 +38,8 @@ def judgement(run: Run) -> Judgement:
 def test_the_mission_comes_to_the_rows_end_and_disarms(run):
     assert run.result.state is State.DONE
     assert run.result.mode is Mode.DISARMED
-    assert run.said == ""
+    assert [trouble.text for trouble in run.troubles if "[F60]" not in trouble.text] == []
+    assert ("[F60]" in run.said) is (run.config.twin.gps == "none")
     assert len(run.evidence.stops) == run.states[-1].stops == len(run.frames)
 
 

@@ -165,7 +165,7 @@ def test_a_fault_that_forbids_spray_forbids_the_shot_and_its_last_look(fault_id)
 
 
 def test_a_fault_forbids_motion_only_when_the_table_says_so():
-    inhibits = replace(AUTO, faults=(ActiveFault("F51", "frozen pictures", NOW_S), ActiveFault("F60", "no fix", NOW_S)))
+    inhibits = replace(AUTO, faults=(ActiveFault("F56", "the base moved", NOW_S), ActiveFault("F60", "no fix", NOW_S)))
     assert authorise_motion(inhibits, GOOD, FORWARD, LIMITS, NOW_S).allowed
     pauses = replace(AUTO, faults=(ActiveFault("F69", "battery", NOW_S),))
     assert authorise_motion(pauses, GOOD, ARM, LIMITS, NOW_S).reasons == ("battery [F69]",)

@@ -10,6 +10,8 @@ WATCHED = replace(LIMITS, battery_low_v=22.8, battery_stop_v=21.6)
 CASES = [
     # fault, one input, the mode it makes of AUTO, words
     ("F08", {"valve_coil": True}, Mode.SAFE_STOP, "though nobody opened it"),
+    ("F12", {"arm_errors": (0, 0x20, 0)}, Mode.SAFE_STOP, "0x00 0x20 0x00"),
+    ("F13", {"arm_torque_on": False}, Mode.SAFE_STOP, "lost its torque"),
     ("F59", {"bumper_pressed": True}, Mode.SAFE_STOP, "bumper"),
     ("F63", {"fence_margin_m": -0.01}, Mode.SAFE_STOP, "0.01 m outside"),
     ("F63", {"fence_margin_m": float("nan")}, Mode.SAFE_STOP, "geofence"),
@@ -47,7 +49,7 @@ def test_an_empty_battery_stops_and_a_low_one_stands_beside_it():
 def test_the_estop_counts_in_every_mode_and_the_rest_only_while_energised():
     bad = replace(
         GOOD, valve_coil=True, bumper_pressed=True, fence_margin_m=-1.0, tilt_rad=1.0, tank_left_ml=0.0, battery_v=0.0,
-        base_speed_m_s=1.0,
+        base_speed_m_s=1.0, arm_torque_on=False, arm_errors=(1,),
     )  # fmt: skip
     for mode in (Mode.DISARMED, Mode.SAFE_STOP, Mode.ESTOP):
         state = watch(SafetyState(mode=mode, rolling_since_s=0.0), bad, WATCHED, NOW_S)
@@ -55,7 +57,7 @@ def test_the_estop_counts_in_every_mode_and_the_rest_only_while_energised():
         assert state.mode is mode
         assert watch(state, replace(bad, estop_pressed=True), WATCHED, NOW_S).mode is Mode.ESTOP
     ready = watch(SafetyState(mode=Mode.READY, rolling_since_s=0.0), bad, WATCHED, NOW_S)
-    assert {fault.id for fault in ready.faults} == {"F08", "F21", "F59", "F63", "F64", "F69", "F69b"}
+    assert {fault.id for fault in ready.faults} == {"F08", "F12", "F13", "F21", "F59", "F63", "F64", "F69", "F69b"}
 
 
 def test_what_the_readings_show_no_more_is_cleared_where_its_row_allows_it():
