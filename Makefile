@@ -18,7 +18,7 @@ WORKERS ?= $(shell echo $$(($(CORES) * 3 / 2)))
 help:
 	@echo "make demo       spray a simulated row and write a report (SEED=1 SPEED=10 CONFIG=configs/demo.toml)"
 	@echo "make test       the test suite (about 6 minutes on two cores)"
-	@echo "make test-peers independent programs talk to our drivers and emulators (gpsd, mbpoll, gammu, smsd, rustypot)"
+	@echo "make test-peers independent programs talk to our drivers and emulators (gpsd, mbpoll, gammu, smsd, rustypot, systemd)"
 	@echo "make test-long  the slow tests too"
 	@echo "make check      format, lint, types, architecture"
 	@echo "make bench      speed and memory, measured"

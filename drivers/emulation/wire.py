@@ -18,6 +18,7 @@ from pathlib import Path
 from drivers.emulation.uart import host_baud, misheard, set_host_baud
 
 READ_BYTES = 4096
+LOCKS = Path("/proc/locks")
 
 
 class PtyWire:
@@ -91,6 +92,17 @@ class PtyWire:
         self._plugging += 1
         if self._link is not None:
             self._link.unlink(missing_ok=True)
+
+    def forget_dead_host(self) -> None:
+        """Lift the exclusive use (TIOCEXCL) of a host that is gone, as the last close of a real device does: the end
+        that is kept open here would keep it up. A living host is known by its lock.
+        """
+        if not self.plugged:
+            return
+        status = os.fstat(self._slave)
+        place = f"{os.major(status.st_dev):02x}:{os.minor(status.st_dev):02x}:{status.st_ino}"
+        if f" {place} " not in LOCKS.read_text(encoding="ascii"):
+            fcntl.ioctl(self._slave, termios.TIOCNXCL)
 
     def send(self, data: bytes, delay_s: float = 0.0) -> None:
         """Give ``data`` to the host as a whole: it begins ``delay_s`` from now, or after what is under way."""

@@ -10,6 +10,8 @@ from robot import safety
 from robot.actuation.readings import Readings
 from robot.actuation.values import Refused
 
+NO_TARGET = -1
+
 
 class Gate:
     """Holds what ``robot.safety`` remembers, and asks it with the newest readings. ``Refused`` carries its reasons."""
@@ -81,6 +83,17 @@ class Gate:
 
     def last_look(self) -> safety.Decision:
         return safety.still_allowed(self.state, self._readings.inputs(), now_s())
+
+    def book_leak(self, ml: float) -> None:
+        """Liquid that reached no target counts for the caps of task, day and minute, and is gone from the tank."""
+        number = max((booking.number for booking in self.state.bookings), default=0) + 1
+        booking = safety.Booking(number, now_s(), NO_TARGET, ml, pending=False)
+        self.state = replace(self.state, bookings=(*self.state.bookings, booking))
+        self._readings.tank_left_ml -= ml
+
+    def stands(self, fault_id: str) -> bool:
+        """Whether this fault is active."""
+        return any(fault.id == fault_id for fault in self.state.faults)
 
     def settle(self, target_id: int, booked_ml: float) -> None:
         self.state = safety.settle_booking(self.state, target_id, booked_ml, now_s())

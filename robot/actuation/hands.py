@@ -43,7 +43,7 @@ class Actuation:
         self._settings = settings
         self._readings = Readings(settings)
         self._gate = Gate(self._readings, limits, on_mode)
-        self._liquid = Liquid(relay, inputs, ledger, self._gate, self._readings, settings, self.stop)
+        self._liquid = Liquid(relay, inputs, ledger, self._gate, self._readings, settings, self.stop, self.report)
 
     # --- what is known of the machine -------------------------------------------------------------------------
 
@@ -110,6 +110,10 @@ class Actuation:
     def note_fence(self, margin_m: float) -> None:
         """How far inside of the geofence the base is, less the uncertainty of its pose."""
         self._readings.fence_margin_m = margin_m
+
+    async def nozzle_checked(self, operator: str) -> None:
+        """An operator has seen to the nozzle after "check nozzle": spraying may go on."""
+        await self._liquid.nozzle_checked(operator)
 
     async def begin_metering(self) -> None:
         """Start the flow account at the meter's present count."""
@@ -223,9 +227,10 @@ class Actuation:
         await self.poll_relay()
 
     async def de_energise(self) -> tuple[PartStopped, ...]:
-        """Everything off at the relay board; the arm goes on holding."""
+        """Everything off at the relay board, the arm goes on holding; then what still waits for the ledger."""
         self._liquid.cut()
-        return (await stop_part("relay board", self._relay.all_off),)
+        board = await stop_part("relay board", self._relay.all_off)
+        return board, PartStopped("ledger", await self._liquid.finish())
 
     # --- who may move it by hand ------------------------------------------------------------------------------
 

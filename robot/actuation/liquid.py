@@ -11,32 +11,38 @@ from drivers.inputs.interface import Inputs as InputDevices
 from drivers.relay.interface import RelayBoard
 from drivers.relay.values import Channel
 from robot import safety
-from robot.actuation.booking import FlowAccount, outcome_of
+from robot.actuation.booking import FlowAccount, missed, outcome_of
+from robot.actuation.bookkeeping import Bookkeeper
+from robot.actuation.flow_watch import FlowWatch
 from robot.actuation.gate import Gate, now_s
 from robot.actuation.readings import Readings
 from robot.actuation.stopping import stop_part
-from robot.actuation.values import LEDGER_WRITE_S, HandSettings, PartStopped, PulseOrder, Refused
-from robot.clock import work
+from robot.actuation.values import HandSettings, PartStopped, PulseOrder, Refused
 from robot.ledger import Ledger
-from robot.ledger.values import Intent, Outcome, Result
+from robot.ledger.values import Intent, Leak, Outcome, Result
 
 METER_SETTLE_S = 0.15  # after the valve is shut, until the flow meter has counted its last pulse
-LEAK_ML = 0.4          # past a valve that is shut: more than the meter's last pulse of a shot and its noise
 
 Stop = Callable[[str], Awaitable[tuple[PartStopped, ...]]]
+Report = Callable[[str, str], Awaitable[None]]
 
 
 class Liquid:
-    """Opens the valve and runs the pump, always by the board's own timers. ``stop`` stops the whole machine."""
+    """Opens the valve and runs the pump, always by the board's own timers.
+
+    ``stop`` stops the whole machine; ``report`` takes a fault of the catalogue and does what it asks for.
+    """
 
     def __init__(
         self, relay: RelayBoard, inputs: InputDevices, ledger: Ledger, gate: Gate, readings: Readings,
-        settings: HandSettings, stop: Stop,
+        settings: HandSettings, stop: Stop, report: Report,
     ) -> None:  # fmt: skip
-        self._relay, self._inputs, self._ledger = relay, inputs, ledger
+        self._relay, self._inputs = relay, inputs
         self._gate, self._readings, self._settings = gate, readings, settings
-        self._stop = stop
+        self._stop, self._report = stop, report
         self._account = FlowAccount(settings)
+        self._books = Bookkeeper(ledger)
+        self._flow = FlowWatch(ledger, settings.meter_ml_per_pulse)
         self._task_id: int | None = None
         self._pump_wanted = False
         self._pump_until_s = -math.inf
@@ -44,13 +50,29 @@ class Liquid:
         self._cut_reason = ""
         self.shot_under_way = False
 
+    async def nozzle_checked(self, operator: str) -> None:
+        """An operator has seen to the nozzle: its history begins anew."""
+        await self._flow.checked(operator)
+
     def begin_task(self, task_id: int) -> None:
         self._task_id = task_id
 
     async def begin_metering(self) -> None:
-        """Start the flow account at the meter's present count."""
-        self._readings.sensors = await self._inputs.read()
-        self._account.begin(self._readings.sensors.flow_total_ml)
+        """Start the flow account at the meter's present count, and the flow history with that of earlier runs.
+
+        What passed the meter since the last run, and is not booked, gets its row.
+        """
+        await self._flow.begin()
+        self._readings.sensors = reading = await self._inputs.read()
+        total_ml, stamp_s = reading.flow_total_ml, reading.stamp_s
+        await self._books.begin_metering(
+            self._task_id, total_ml, lambda mark: missed(mark, total_ml, stamp_s, self._settings)
+        )
+        self._account.begin(total_ml, stamp_s)
+
+    async def finish(self) -> str:
+        """Before the program ends: what still waits for the ledger; why it was lost, "" when nothing was."""
+        return await self._books.finish()
 
     def board_pulse_s(self, open_s: float) -> float:
         """The board's own timer for an opening: the next multiple of its quantum."""
@@ -58,9 +80,10 @@ class Liquid:
         return quantum_s * math.ceil(open_s / quantum_s - 1e-9)
 
     def cut(self) -> None:
-        """Shut the valve of a shot under way at once, and renew the pump no more."""
+        """Shut the valve of a shot under way at once, and renew the pump no more: its lease is cancelled with it."""
         self._cut.set()
         self._pump_wanted = False
+        self._pump_until_s = -math.inf
 
     def interrupt(self, reason: str) -> None:
         """Shut the valve of a shot under way at once, for a ``reason`` that does not stop the machine."""
@@ -69,16 +92,40 @@ class Liquid:
             self._cut.set()
 
     async def look_for_leak(self) -> None:
-        """Stop the machine, and with it the pump, when the newest reading shows flow past the shut valve."""
+        """Book what the newest reading shows past the shut valve, and stop the machine, its pump and its power for it.
+
+        The litres go on being booked as long as they run, armed or not.
+        """
         sensors = self._readings.sensors
-        if self.shot_under_way or sensors is None or not self._gate.armed:
+        if not self.shot_under_way and sensors is not None:
+            leak = self._account.leaked(sensors.flow_total_ml, sensors.stamp_s)
+            if leak is not None:
+                await self._take_leak(leak)
+        self._books.retry()
+        await self._look_at_disk()
+
+    async def _look_at_disk(self) -> None:
+        for fault_id, text in self._books.faults.items():
+            if not self._gate.stands(fault_id):
+                await self._report(fault_id, text)
+        if "F39" not in self._books.faults and self._gate.stands("F39"):
+            self._gate.clear("F39")
+
+    async def _take_leak(self, leak: Leak) -> None:
+        self._gate.book_leak(leak.booked_ml)
+        self._books.leak(self._task_id, leak, self._account.booked_to_ml)
+        if self._gate.stands("F10"):
             return
-        leaked_ml = self._account.leaked_ml(sensors.flow_total_ml)
-        if leaked_ml > LEAK_ML:
-            await self._stop(
-                f"the valve leaks: {leaked_ml:.1f} ml passed the flow meter while it was shut; "
-                "close the supply and change the valve"
-            )
+        text = (
+            f"the valve leaks: {leak.booked_ml:.1f} ml passed the flow meter while it was shut; "
+            "close the supply and change the valve"
+        )
+        self.cut()
+        await asyncio.gather(
+            stop_part("pump", lambda: self._relay.cancel(Channel.PUMP)),
+            stop_part("contactor", lambda: self._relay.switch(Channel.CONTACTOR, False)),
+            self._report("F10", text),
+        )
 
     async def start_pump(self) -> None:
         """Ask for pressure. The pump runs on leases: it stops by itself when nobody renews them."""
@@ -138,18 +185,19 @@ class Liquid:
             intent = Intent(
                 target_id=order.target_id, stop=order.stop, pulse=order.number, due_ml=order.due_ml,
                 dose_ml=order.dose_ml, open_s=order.open_s, pulse_s=order.pulse_s, full_ml=order.full_ml,
-                stamp_s=now_s(), factor=order.factor, reason=order.reason,
+                stamp_s=now_s(), factor=order.factor, reason=order.reason, model_ml=order.model_ml,
             )
             try:
-                intent_id = await work(lambda: self._ledger.write_intent(task_id, intent), LEDGER_WRITE_S)
+                intent_id = await self._books.intent(task_id, intent)
             except Exception:
                 booked_ml = 0.0  # nothing was opened
                 raise
             result = await self._open_and_close(order)
             booked_ml = result.booked_ml
-            await work(lambda: self._ledger.write_result(intent_id, result), LEDGER_WRITE_S)
+            await self._books.result(intent_id, result, self._account.booked_to_ml)
             if result.outcome is Outcome.UNCERTAIN:
                 await self._stop(f"the shot at target {order.target_id} is uncertain: {result.reason}")
+            await self._look_at_flow(order, result)
             return result
         except Exception as error:
             await self._stop(f"the shot at target {order.target_id} could not be accounted for: {error}")
@@ -186,7 +234,16 @@ class Liquid:
             await self._stop(f"the valve's closing is unconfirmed ({closing.error})")
         counted = await self._count()
         why_short = self._cut_reason or "a stop"
-        return outcome_of(order, shut_s - opened_s, problem, why_short, counted, self._settings, now_s())
+        result = outcome_of(order, shut_s - opened_s, problem, why_short, counted, self._settings, now_s())
+        self._account.credit(result.booked_ml - (counted[1] or 0.0), opened_s + order.pulse_s + METER_SETTLE_S)
+        return result
+
+    async def _look_at_flow(self, order: PulseOrder, result: Result) -> None:
+        problem = self._flow.take(order.model_ml, result, self._readings)
+        if self._flow.dry:  # against air the pump does not run on
+            await stop_part("pump", self.stop_pump)
+        if problem:
+            await self._report("F66", problem)
 
     async def _read_back_shut(self) -> None:
         self._readings.relay = await self._relay.read()
@@ -199,5 +256,5 @@ class Liquid:
         try:
             self._readings.sensors = await self._inputs.read()
         except DeviceError:
-            return self._account.take(None)  # the poll of the sensors reports the fault itself
-        return self._account.take(self._readings.sensors.flow_total_ml)
+            return self._account.take(None, math.nan)  # the poll of the sensors reports the fault itself
+        return self._account.take(self._readings.sensors.flow_total_ml, self._readings.sensors.stamp_s)

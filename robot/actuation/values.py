@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 from robot.errors import SprayerError
@@ -26,6 +27,8 @@ class HandSettings:
     meter_ml_per_pulse: float
     meter_tolerance: float
     valve_close_s: float
+    tank_reserve_ml: float = 0.0
+    tank_ml: float = math.inf
 
 
 @dataclass(frozen=True, slots=True)

@@ -18,6 +18,7 @@ from drivers.arm.bring_up import FoundServo, known_bauds, read_registers, scan, 
 from drivers.arm.control_tables import Register, hardware_error_text
 from drivers.line import Line, PortSettings
 from drivers.serial_port import SerialPort
+from robot.commands import order
 from robot.config import Config, load_config
 from robot.config.devices import DynamixelArmSection
 from robot.errors import UsageError
@@ -25,7 +26,7 @@ from robot.package_files import config_file
 
 T = TypeVar("T")
 
-app = typer.Typer(help="Look at the arm's servos.", no_args_is_help=True)
+app = typer.Typer(help="Arm the robot that runs here; with a command: look at the arm's servos.")
 
 ConfigOption = Annotated[Path | None, typer.Option("--config", metavar="FILE", help="Take port and servos from it.")]
 PortOption = Annotated[str | None, typer.Option("--port", metavar="DEV", help="The servos' adapter.")]
@@ -33,9 +34,15 @@ BaudOption = Annotated[int | None, typer.Option("--baud", min=9600, max=4_500_00
 IdsOption = Annotated[str | None, typer.Option("--ids", metavar="IDS", help="Such as 1-8 or 1,4,7.")]
 
 
-@app.callback()
-def arm() -> None:
-    """Look at the arm's servos."""
+@app.callback(invoke_without_command=True)
+def arm(context: typer.Context, socket: order.SocketOption = None, config: order.ConfigOption = None) -> int:
+    """Arm the robot that runs here: contactor and torque on, ready to start. With a command: look at its servos."""
+    if context.invoked_subcommand is None:
+        return order.verb("arm", "")(socket, config)
+    if socket is not None or config is not None:
+        name = context.invoked_subcommand
+        raise UsageError(f"options of 'arm {name}' belong behind it: sprayer arm {name} --config FILE")
+    return 0
 
 
 @app.command("scan")

@@ -14,6 +14,7 @@ from rich.console import Console
 from rich.text import Text
 
 from drivers.twin.truth_record import TruthRecord
+from robot.client import socket_path
 from robot.commands.report import load_truth, result_table, write_report
 from robot.commands.run import ConfigOption, SeedOption, SpeedOption, load_with_seed, run_with_view
 from robot.config import Config
@@ -45,7 +46,7 @@ def demo(
     truth_path = out / "truth.jsonl"
     if settings.emulated:
         Console(stderr=True).print(Text("real ports run in real time: --speed is not used"), soft_wrap=True)
-    options = RunOptions(path, out, True, False, truth_path)
+    options = RunOptions(path, out, True, False, truth_path, control=socket_path(out, {}))
     result = run_with_view(settings, options, speed, emulate=settings.emulated)
     truth = load_truth(truth_path)
     reachable = reach_of(settings, path, truth)

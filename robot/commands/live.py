@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+from collections import deque
 from types import TracebackType
 from typing import Self
 
@@ -17,9 +18,11 @@ from robot.report import light_words
 from robot.runtime import ModeChanged, RunBegan
 from robot.targets import TargetState
 
+NOTES_KEPT = 200
+
 
 class LiveView:
-    """Listens on the bus and redraws a few lines on stderr; on a pipe it prints a line a state change instead."""
+    """Listens on the bus and redraws a few lines on stderr; on a pipe it prints a line a change instead."""
 
     def __init__(self, bus: Bus) -> None:
         self._console = Console(stderr=True)
@@ -34,7 +37,7 @@ class LiveView:
         self._light = "not metered yet"
         self._now_s = 0.0
         self._first_stop_s: float | None = None
-        self._notes: list[str] = []
+        self._notes: deque[str] = deque(maxlen=NOTES_KEPT)
         self._live = Live(self._table(), console=self._console, refresh_per_second=8, transient=True)
 
     async def __aenter__(self) -> Self:
@@ -64,16 +67,17 @@ class LiveView:
             self._stops = event.stops
             for open_shot in event.dangling:
                 intent = open_shot.intent
-                self._notes.append(
+                self._note(
                     f"task {open_shot.task_id}: the shot at target {intent.target_id} had no outcome; "
                     f"booked as its full pulse, {intent.full_ml:.1f} ml"
                 )
             if event.waiting:
-                self._say("up, disarmed, waiting (Ctrl-C ends)")
+                orders = f"orders at {event.control}" if event.control else "virtual time: no control socket"
+                self._say(f"up, disarmed, waiting (Ctrl-C ends); {orders}")
         elif isinstance(event, ModeChanged):
             self._mode = str(event.mode)
             if event.causes:
-                self._notes.append(f"{event.mode}: {event.causes[-1]}")
+                self._note(f"{event.mode}: {event.causes[-1]}")
         elif isinstance(event, StateEntered):
             self._enter(event)
         elif isinstance(event, BookChanged):
@@ -88,7 +92,7 @@ class LiveView:
         elif isinstance(event, TargetSkipped):
             self._skipped += 1
         elif isinstance(event, Trouble):
-            self._notes.append(event.text)
+            self._note(event.text)
 
     def _enter(self, event: StateEntered) -> None:
         self._state, self._now_s = str(event.state), event.stamp_s
@@ -99,6 +103,13 @@ class LiveView:
             self._say(f"stop {event.stop} of {event.stops} at {event.stamp_s:.0f} s")
         if event.state is State.DONE:
             self._say(f"row done after {event.stamp_s:.0f} s")
+
+    def _note(self, text: str) -> None:
+        """What a person should know: at once, and at a terminal, which is redrawn, again at the end."""
+        if self._console.is_terminal:
+            self._notes.append(text)
+        else:
+            self._console.print(Text(text, style="yellow"), soft_wrap=True)
 
     def _say(self, text: str) -> None:
         """One line where there is no terminal to redraw (a journal, a pipe)."""
@@ -114,6 +125,8 @@ class LiveView:
         table.add_row("shots", f"{self._shots}, {self._booked_ml:.1f} ml booked")
         table.add_row("light", self._light)
         table.add_row("time", f"{self._now_s:.0f} s, {self._to_go()}")
+        if self._notes:
+            table.add_row("last", Text(self._notes[-1], style="yellow"))
         return table
 
     def _to_go(self) -> str:

@@ -5,8 +5,9 @@ from __future__ import annotations
 import asyncio
 import json
 import math
+import os
 import sys
-from contextlib import ExitStack
+from contextlib import AbstractAsyncContextManager, ExitStack
 from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Annotated, Any
@@ -14,12 +15,15 @@ from typing import Annotated, Any
 import typer
 
 from robot.atomic_file import atomic_file
+from robot.client import socket_path
 from robot.clock import RealClockLoop, run_real, run_virtual
+from robot.commands.event_log import EventLog
 from robot.commands.live import LiveView
 from robot.config import MAX_SEED, Config, load_config
 from robot.errors import UsageError
 from robot.events import Bus
 from robot.ledger import LedgerReader
+from robot.logs import journal_handler
 from robot.mission import State
 from robot.package_files import config_file
 from robot.runtime import EmulatorOptions, RunOptions, RunResult, StopSignals, emulator_process, ledger_path, run_robot
@@ -55,7 +59,11 @@ def run(
     fault: FaultOption = None,
     trace: TraceOption = None,
 ) -> int:
-    """Come up disarmed and wait; with --start treat the row. Ctrl-C or SIGTERM stops clean at any moment."""
+    """Come up disarmed and wait for orders; with --start treat one row. Ctrl-C or SIGTERM stops clean at any moment.
+
+    In real time it takes orders (sprayer status, arm, start, stop ...) at a control socket in its run directory, or in
+    $RUNTIME_DIRECTORY. Simulated in virtual time it has none: nobody could keep up with it.
+    """
     settings = load_with_seed(config, seed)
     if resume and not start:
         raise UsageError("--resume goes on with a row, so it needs --start as well")
@@ -68,7 +76,10 @@ def run(
         raise UsageError("--fault works on the simulated machine only; use mocks or --emulate")
     fault_plan(faults)  # refused before anything is opened
     folder = out or settings.robot.run_directory
-    options = RunOptions(config_file(config), folder, start, resume, truth, faults=faults, trace=trace)
+    control = socket_path(folder, os.environ)
+    options = RunOptions(
+        config_file(config), folder, start, resume, truth, faults=faults, trace=trace, control=control
+    )
     signals = StopSignals().install()  # for good: a signal that comes after the robot let go cuts nothing
     with ExitStack() as stack:
         file = None if summary is None else stack.enter_context(atomic_file(summary))  # refused before anything moves
@@ -89,7 +100,8 @@ def load_with_seed(path: Path, seed: int | None) -> Config:
 def run_with_view(
     config: Config, options: RunOptions, speed: float, signals: StopSignals | None = None, emulate: bool = False
 ) -> RunResult:
-    """Run the robot with live progress on the terminal: mocks in virtual time, everything else in real time.
+    """Run the robot with live progress on the terminal, or with log lines where a journal listens: mocks in virtual
+    time, everything else in real time.
 
     ``emulate``: its devices are those of an emulated rover that lives as long as the run.
     """
@@ -98,7 +110,7 @@ def run_with_view(
 
     async def life(options: RunOptions) -> RunResult:
         bus = Bus()
-        async with LiveView(bus):
+        async with _told(bus):
             return await run_robot(config, options, bus, signals=signals)
 
     async def with_emulator() -> RunResult:
@@ -116,6 +128,11 @@ def run_with_view(
         return run_real(with_emulator() if emulate else life(options))
     except ExceptionGroup as group:
         raise single_error(group) from group
+
+
+def _told(bus: Bus) -> AbstractAsyncContextManager[object]:
+    handler = journal_handler()
+    return LiveView(bus) if handler is None else EventLog(bus, handler)
 
 
 def single_error(group: ExceptionGroup[Exception]) -> Exception:

@@ -4,6 +4,7 @@ from robot.dosing.catch_test import Catch, CatchFit, fit_catches, meter_ml_per_p
 from robot.dosing.due import DoseRules, Hidden, due
 from robot.dosing.factor import RipenessFactors
 from robot.dosing.flow import FlowFit, FlowModel, fit_flow
+from robot.dosing.flow_check import FlowHistory, ShotFlow, tank_problem
 from robot.dosing.law import DoseLaw, LawKind
 from robot.dosing.plan import Caps, PulseLimits, plan
 from robot.dosing.values import Due, Refusal, Shot
@@ -16,6 +17,7 @@ __all__ = [
     "DoseRules",
     "Due",
     "FlowFit",
+    "FlowHistory",
     "FlowModel",
     "Hidden",
     "LawKind",
@@ -23,9 +25,11 @@ __all__ = [
     "Refusal",
     "RipenessFactors",
     "Shot",
+    "ShotFlow",
     "due",
     "fit_catches",
     "fit_flow",
     "meter_ml_per_pulse",
     "plan",
+    "tank_problem",
 ]

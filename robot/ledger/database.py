@@ -15,10 +15,12 @@ from robot.ledger.schema import APPLICATION_ID, SCHEMA_VERSION
 _BUSY_MS = 5000
 
 
-def open_for_writing(path: Path) -> sqlite3.Connection:
+def open_for_writing(path: Path, factory: type[sqlite3.Connection] = sqlite3.Connection) -> sqlite3.Connection:
     """Open or create a ledger: WAL, every commit synced to disk. ``FileError`` when it is not usable."""
     with readable_errors(path):
-        connection = sqlite3.connect(path, check_same_thread=False, isolation_level=None, timeout=_BUSY_MS / 1e3)
+        connection = sqlite3.connect(
+            path, check_same_thread=False, isolation_level=None, timeout=_BUSY_MS / 1e3, factory=factory
+        )
     try:
         with readable_errors(path):
             _check_kind(connection, path, may_be_empty=True)
@@ -50,13 +52,16 @@ def open_for_reading(path: Path) -> sqlite3.Connection:
 
 @contextmanager
 def readable_errors(path: Path) -> Iterator[None]:
-    """Turn SQLite's errors about the file into ``FileError`` with what to do; broken rules stay ``IntegrityError``."""
+    """Turn SQLite's errors about the file into ``FileError`` with what to do."""
     try:
         yield
-    except sqlite3.IntegrityError:
-        raise
     except sqlite3.Error as error:
         raise FileError(f"{path}: {error}; {_remedy(error)}") from error
+
+
+def no_room(error: FileError) -> bool:
+    """Whether the disk may have been full: freeing room is worth another try."""
+    return str(getattr(error.__cause__, "sqlite_errorname", "")).startswith(("SQLITE_FULL", "SQLITE_IOERR"))
 
 
 def _remedy(error: sqlite3.Error) -> str:
@@ -65,7 +70,7 @@ def _remedy(error: sqlite3.Error) -> str:
         return "free space on the disk; no ledger, no spray"
     if name.startswith("SQLITE_IOERR"):
         return "the disk is full or failing; free space or replace it; no ledger, no spray"
-    if name.startswith(("SQLITE_CORRUPT", "SQLITE_NOTADB")):
+    if name.startswith(("SQLITE_CORRUPT", "SQLITE_NOTADB", "SQLITE_CONSTRAINT")):
         return "not a sound ledger: keep the file for the records, move it away and start a new one"
     if name.startswith(("SQLITE_READONLY", "SQLITE_CANTOPEN", "SQLITE_PERM")):
         return "check that the folder exists and that file and folder can be written"

@@ -2,66 +2,27 @@
 
 from __future__ import annotations
 
-import json
 import sqlite3
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
-from datetime import UTC, datetime
-from pathlib import Path
-from typing import Self
+from collections.abc import Sequence
+from datetime import datetime
 
-from robot.errors import SprayerError
-from robot.ledger.database import open_for_writing, readable_errors
-from robot.ledger.lock import LedgerLock
-from robot.ledger.reader import LedgerReader
-from robot.ledger.records import StopLight, StopRecord
-from robot.ledger.values import Checkpoint, Dangling, Intent, Outcome, Result, Task
-from robot.targets.values import Target
+from robot.ledger import outbox
+from robot.ledger.certainty import last_intent, unclear
+from robot.ledger.columns import light_columns, target_columns
+from robot.ledger.outbox import Parcel
+from robot.ledger.records import StopRecord
+from robot.ledger.values import Checkpoint, Dangling, Intent, Leak, Outcome, Result, Task
+from robot.ledger.writing import LedgerRuleError, LedgerWriter, in_utc, new_id
+from robot.targets.values import Target, TargetState
 
 
-class LedgerRuleError(SprayerError):
-    """The caller asked the ledger to book what cannot be: a fault of the program, not of the file."""
-
-
-def wall_clock() -> datetime:
-    return datetime.now(UTC)
-
-
-class Ledger(LedgerReader):
+class Ledger(LedgerWriter):
     """SQLite in WAL mode with ``synchronous=FULL``: when a method returns, its rows are on disk.
 
     Safe to call from any thread, one call at a time. Every method raises ``FileError`` when the file or the disk
-    fails, and ``LedgerRuleError`` for a row that breaks a rule; then nothing of it is written.
+    fails, and ``LedgerRuleError`` for a row that breaks a rule; then nothing of it is written. What must not be lost
+    (outcomes, leaks, events) is written into the room of the reserve when the disk is full; then no intent is taken.
     """
-
-    def __init__(
-        self, path: Path, connection: sqlite3.Connection, lock: LedgerLock, utc: Callable[[], datetime]
-    ) -> None:
-        super().__init__(path, connection)
-        self._lock = lock
-        self._utc_now = utc
-        self._run_id: int | None = None
-
-    @classmethod
-    def open(cls, path: Path, utc: Callable[[], datetime] = wall_clock) -> Self:
-        """Open or create the ledger for this process alone; ``BusyError`` names the process that holds it."""
-        lock = LedgerLock(path)
-        try:
-            return cls(path, open_for_writing(path), lock, utc)
-        except BaseException:
-            lock.release()
-            raise
-
-    def close(self) -> None:
-        super().close()
-        self._lock.release()
-
-    def begin_run(self, boot_id: str, started_utc: datetime) -> int:
-        """A new run of the program; all that follows belongs to it."""
-        with self._transaction() as db:
-            row = db.execute("INSERT INTO run (boot_id, started_utc) VALUES (?, ?)", (boot_id, _text(started_utc)))
-            self._run_id = _id(row)
-        return self._run_id
 
     def begin_task(self, task: Task) -> int:
         with self._transaction() as db:
@@ -83,14 +44,23 @@ class Ledger(LedgerReader):
                     task.seed,
                 ),
             )
-            return _id(row)
+            return new_id(row)
 
     def write_intent(self, task_id: int, intent: Intent) -> int:
-        """Commit what is about to be sprayed. The target must have been written with ``upsert_targets`` before."""
+        """Commit what is about to be sprayed. The target must have been written with ``upsert_targets`` before.
+
+        ``LedgerRuleError`` for a target that an earlier shot left uncertain, unless an operator has released it.
+        """
+        self._demand_reserve()
         with self._transaction() as db:
+            if unclear(db, task_id, intent.target_id):
+                raise LedgerRuleError(
+                    f"{self.path}: target {intent.target_id} of task {task_id} is uncertain: nobody knows what it got; "
+                    "an operator must release it before it is sprayed again"
+                )
             row = db.execute(
                 "INSERT INTO intent (task_id, run_id, utc, target_id, stop, pulse, due_ml, dose_ml, open_s, pulse_s,"
-                " full_ml, stamp_s, factor, reason) VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?)",
+                " full_ml, stamp_s, factor, reason, model_ml) VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?)",
                 (
                     task_id,
                     self._run(),
@@ -106,34 +76,106 @@ class Ledger(LedgerReader):
                     intent.stamp_s,
                     intent.factor,
                     intent.reason,
+                    intent.model_ml,
                 ),
             )
-            return _id(row)
+            return new_id(row)
 
-    def write_result(self, intent_id: int, result: Result) -> None:
-        """Close an intent, exactly once."""
-        with self._transaction() as db:
-            self._insert_result(db, intent_id, result, self._now())
+    def write_result(self, intent_id: int, result: Result, count_ml: float | None = None) -> None:
+        """Close an intent, exactly once. ``count_ml`` is the meter's count up to which everything is booked by it."""
+
+        def write() -> None:
+            with self._transaction() as db:
+                self._insert_result(db, intent_id, result, self._now())
+                row = db.execute("SELECT task_id FROM intent WHERE id = ?", (intent_id,)).fetchone()
+                self._mark(db, row[0], count_ml)
+
+        self._must_be_kept(write)
 
     def book_dangling(self, utc: datetime) -> tuple[Dangling, ...]:
         """Book every intent that a crash left open as its full pulse, UNCERTAIN, and so its target."""
-        found = self.dangling()
+
+        def write() -> tuple[Dangling, ...]:
+            found = self.dangling()
+            with self._transaction() as db:
+                for item in found:
+                    self._book_in_full(db, item, in_utc(utc))
+            return found
+
+        return self._must_be_kept(write)
+
+    def _book_in_full(self, db: sqlite3.Connection, item: Dangling, utc: str) -> None:
+        full = Result(
+            outcome=Outcome.UNCERTAIN,
+            booked_ml=item.intent.full_ml,
+            open_s=item.intent.pulse_s,
+            measured_ml=None,
+            reason="the program ended before the outcome was written",
+            stamp_s=item.intent.stamp_s,
+        )
+        self._insert_result(db, item.intent_id, full, utc)
+        db.execute(
+            "UPDATE target SET state = 'uncertain', reason = ? WHERE task_id = ? AND id = ?",
+            (full.reason, item.task_id, item.intent.target_id),
+        )
+
+    def write_leak(self, task_id: int | None, leak: Leak, count_ml: float | None = None) -> int:
+        """Book liquid that belongs to no shot. ``task_id`` None: no task was open; ``count_ml`` as for a result."""
+
+        def write() -> int:
+            with self._transaction() as db:
+                row = db.execute(
+                    "INSERT INTO leak (task_id, run_id, utc, booked_ml, measured_ml, reason, stamp_s)"
+                    " VALUES (?, ?, ?, ?, ?, ?, ?)",
+                    (task_id, self._run(), self._now(), leak.booked_ml, leak.measured_ml, leak.reason, leak.stamp_s),
+                )
+                outbox.put(db, self._run(), Parcel.LEAK, new_id(row))
+                self._mark(db, task_id, count_ml)
+                return new_id(row)
+
+        return self._must_be_kept(write)
+
+    def mark_meter(self, task_id: int | None, count_ml: float) -> None:
+        """Everything up to this count of the flow meter is booked; what passes it from here on is to be."""
         with self._transaction() as db:
-            for item in found:
-                full = Result(
-                    outcome=Outcome.UNCERTAIN,
-                    booked_ml=item.intent.full_ml,
-                    open_s=item.intent.pulse_s,
-                    measured_ml=None,
-                    reason="the program ended before the outcome was written",
-                    stamp_s=item.intent.stamp_s,
+            self._mark(db, task_id, count_ml)
+
+    def release_target(self, task_id: int, target_id: int, operator: str, reason: str) -> int:
+        """An operator's word that an uncertain target may be sprayed again: it is open from here on.
+
+        What it may have got still counts for its cap. ``LedgerRuleError`` for a target that is not uncertain, and while
+        the outcome of a shot at it is still to be written.
+        """
+        found = {target.id: target for target in self.targets(task_id)}.get(target_id)
+        if found is None:
+            raise LedgerRuleError(f"{self.path}: task {task_id} has no target {target_id}; look at its report")
+        if found.state is not TargetState.UNCERTAIN:
+            raise LedgerRuleError(
+                f"{self.path}: target {target_id} of task {task_id} is {found.state}; only an uncertain one is released"
+            )
+        with self._transaction() as db:
+            last, unknown = last_intent(db, task_id, target_id)
+            if last is None or unknown:
+                raise LedgerRuleError(
+                    f"{self.path}: target {target_id} of task {task_id} has no shot with an outcome; "
+                    "let the program book it first"
                 )
-                self._insert_result(db, item.intent_id, full, _text(utc))
-                db.execute(
-                    "UPDATE target SET state = 'uncertain', reason = ? WHERE task_id = ? AND id = ?",
-                    (full.reason, item.task_id, item.intent.target_id),
-                )
-        return found
+            row = db.execute(
+                "INSERT INTO release (task_id, target_id, run_id, utc, operator, reason, last_intent_id)"
+                " VALUES (?, ?, ?, ?, ?, ?, ?)",
+                (task_id, target_id, self._run(), self._now(), operator, reason, last),
+            )
+            db.execute(
+                "UPDATE target SET state = 'open', reason = ? WHERE task_id = ? AND id = ?",
+                (f"released by {operator}: {reason}", task_id, target_id),
+            )
+            outbox.put(db, self._run(), Parcel.RELEASE, new_id(row))
+            return new_id(row)
+
+    def acknowledge(self, seqs: Sequence[int]) -> None:
+        """The uplink has delivered these rows of the outbox; a number that is gone already is no error."""
+        with self._transaction() as db:
+            outbox.remove(db, seqs)
 
     def upsert_targets(self, task_id: int, targets: Sequence[Target]) -> None:
         """Write targets, new or changed, all or none."""
@@ -149,7 +191,7 @@ class Ledger(LedgerReader):
                 " confidence = excluded.confidence, visible_fraction = excluded.visible_fraction,"
                 " sightings = excluded.sightings, last_seen_s = excluded.last_seen_s, state = excluded.state,"
                 " reason = excluded.reason, measured = excluded.measured, ripeness_weight = excluded.ripeness_weight",
-                [_target_row(task_id, target) for target in targets],
+                [target_columns(task_id, target) for target in targets],
             )
 
     def checkpoint(self, task_id: int, checkpoint: Checkpoint) -> None:
@@ -192,16 +234,29 @@ class Ledger(LedgerReader):
                     record.frame_file,
                     record.light_level,
                     record.fruits_seen,
-                    *_light_columns(record.light),
+                    *light_columns(record.light),
                 ),
             )
 
     def record_event(self, kind: str, text: str, stamp_s: float) -> None:
         """A state change, fault or command, for whoever reads the ledger later."""
-        with self._transaction() as db:
+
+        def write() -> None:
+            with self._transaction() as db:
+                row = db.execute(
+                    "INSERT INTO event (run_id, utc, kind, text, stamp_s) VALUES (?, ?, ?, ?, ?)",
+                    (self._run(), self._now(), kind, text, stamp_s),
+                )
+                outbox.put(db, self._run(), outbox.parcel_of_event(kind), new_id(row))
+
+        self._must_be_kept(write)
+
+    def _mark(self, db: sqlite3.Connection, task_id: int | None, count_ml: float | None) -> None:
+        if count_ml is not None:
             db.execute(
-                "INSERT INTO event (run_id, utc, kind, text, stamp_s) VALUES (?, ?, ?, ?, ?)",
-                (self._run(), self._now(), kind, text, stamp_s),
+                "INSERT OR REPLACE INTO meter (only, run_id, task_id, count_ml, last_intent_id)"
+                " VALUES (1, ?, ?, ?, (SELECT coalesce(max(id), 0) FROM intent))",
+                (self._run(), task_id, count_ml),
             )
 
     def _insert_result(self, db: sqlite3.Connection, intent_id: int, result: Result, utc: str) -> None:
@@ -219,76 +274,4 @@ class Ledger(LedgerReader):
                 result.stamp_s,
             ),
         )
-
-    def _run(self) -> int:
-        if self._run_id is None:
-            raise LedgerRuleError(f"{self.path}: begin_run must come first")
-        return self._run_id
-
-    def _now(self) -> str:
-        return _text(self._utc_now())
-
-    @contextmanager
-    def _transaction(self) -> Iterator[sqlite3.Connection]:
-        """All or nothing, durable when left."""
-        with self._one_at_a_time, readable_errors(self.path):
-            db = self._connection
-            try:
-                db.execute("BEGIN IMMEDIATE")
-                yield db
-                db.execute("COMMIT")
-            except BaseException as error:
-                if db.in_transaction:
-                    db.execute("ROLLBACK")
-                if isinstance(error, sqlite3.IntegrityError):
-                    raise LedgerRuleError(f"{self.path}: refused a row: {error}") from error
-                raise
-
-
-def _light_columns(light: StopLight | None) -> tuple[object, ...]:
-    if light is None:
-        return (None,) * 8
-    return (
-        light.state.value,
-        light.plant_level,
-        light.burnt_share,
-        light.illumination_1_s,
-        light.exposure_s,
-        light.gain,
-        int(light.lamp),
-        light.remark,
-    )
-
-
-def _id(row: sqlite3.Cursor) -> int:
-    assert row.lastrowid is not None
-    return row.lastrowid
-
-
-def _text(utc: datetime) -> str:
-    if utc.utcoffset() is None:
-        raise LedgerRuleError(f"expected a time with its zone, found {utc.isoformat()}; give UTC")
-    return utc.astimezone(UTC).isoformat(timespec="milliseconds")
-
-
-def _target_row(task_id: int, target: Target) -> tuple[object, ...]:
-    c = target.covariance_m2
-    covariance = [float(c[i, j]) for i, j in ((0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2))]
-    return (
-        task_id,
-        target.id,
-        *(float(value) for value in target.centre_m),
-        json.dumps(covariance, allow_nan=False),
-        float(target.diameter_m),
-        float(target.diameter_sigma_m),
-        target.ripeness.value,
-        float(target.ripeness_score),
-        float(target.confidence),
-        float(target.visible_fraction),
-        target.sightings,
-        float(target.last_seen_s),
-        target.state.value,
-        target.reason,
-        int(target.measured),
-        float(target.ripeness_weight),
-    )
+        outbox.put(db, self._run(), Parcel.SHOT, intent_id)

@@ -30,8 +30,10 @@ class LedgerLock:
             raise
 
     def release(self) -> None:
-        """Let the next process in. The file stays: removing it would let two processes lock two files."""
-        os.close(self._descriptor)
+        """Let the next process in; again does nothing. The file stays: removing it would let two processes lock two."""
+        descriptor, self._descriptor = self._descriptor, -1
+        if descriptor >= 0:
+            os.close(descriptor)
 
     def _acquire(self, ledger: Path) -> None:
         try:

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from datetime import datetime
 
-from robot.ledger.values import Intent, Outcome, Result
+from robot.ledger.values import Intent, Leak, Outcome, Result
 from robot.vision.light import LightState
 
 
@@ -87,6 +87,7 @@ class ShotRow:
 class Totals:
     """Sums of a task. ``pending_ml`` is the full pulse of every intent without a result.
 
+    ``booked_ml`` and ``measured_ml`` are of shots and leaks together, ``leaked_ml`` is what of ``booked_ml`` leaked.
     What left the nozzle is at most ``booked_ml + pending_ml``.
     """
 
@@ -94,6 +95,35 @@ class Totals:
     pending_ml: float
     measured_ml: float
     pulses: Mapping[Outcome, int]
+    leaked_ml: float = 0.0
+
+
+@dataclass(frozen=True, slots=True)
+class LeakRow:
+    """A leak as it stands in the ledger. ``task_id`` None: no task was open."""
+
+    id: int
+    task_id: int | None
+    run_id: int
+    leak: Leak
+    utc: datetime
+
+
+@dataclass(frozen=True, slots=True)
+class ReleaseRow:
+    """An operator's word that an uncertain target may be sprayed again, and why.
+
+    It speaks of the shots up to ``last_intent_id``: a later one makes the target uncertain again.
+    """
+
+    id: int
+    task_id: int
+    target_id: int
+    run_id: int
+    operator: str
+    reason: str
+    last_intent_id: int
+    utc: datetime
 
 
 @dataclass(frozen=True, slots=True)
@@ -103,3 +133,15 @@ class TaskRow:
     task_id: int
     run_id: int
     utc: datetime
+
+
+@dataclass(frozen=True, slots=True)
+class MeterMark:
+    """Up to which count of the flow meter everything is booked, on which task.
+
+    ``covered_ml`` was booked since on shots whose count nobody read: what passed the meter may be theirs.
+    """
+
+    task_id: int | None
+    count_ml: float
+    covered_ml: float

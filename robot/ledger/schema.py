@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 APPLICATION_ID = 0x53505259  # "SPRY"
-SCHEMA_VERSION = 2
+SCHEMA_VERSION = 3
 
 _FINITE = "BETWEEN -1e9 AND 1e9"
 _AMOUNT = "BETWEEN 0 AND 1e6"
@@ -30,6 +30,63 @@ COLUMNS_2 = {
     ),
 }
 _TARGET_2, _INTENT_2, _STOP_2 = (",\n    ".join(columns) for columns in COLUMNS_2.values())
+
+# What came with version 3.
+COLUMNS_3 = {"intent": (f"model_ml REAL CHECK (model_ml {_AMOUNT})",)}
+(_INTENT_3,) = (",\n    ".join(columns) for columns in COLUMNS_3.values())
+TABLES_3 = f"""
+CREATE TABLE leak (
+    id INTEGER PRIMARY KEY AUTOINCREMENT,
+    task_id INTEGER REFERENCES task (id),
+    run_id INTEGER NOT NULL REFERENCES run (id),
+    utc TEXT NOT NULL,
+    booked_ml REAL NOT NULL CHECK (booked_ml {_AMOUNT}),
+    measured_ml REAL NOT NULL CHECK (measured_ml {_AMOUNT}),
+    reason TEXT NOT NULL CHECK (reason <> ''),
+    stamp_s REAL NOT NULL CHECK (stamp_s {_FINITE})
+) STRICT;
+
+CREATE TABLE release (
+    id INTEGER PRIMARY KEY AUTOINCREMENT,
+    task_id INTEGER NOT NULL,
+    target_id INTEGER NOT NULL,
+    run_id INTEGER NOT NULL REFERENCES run (id),
+    utc TEXT NOT NULL,
+    operator TEXT NOT NULL CHECK (operator <> ''),
+    reason TEXT NOT NULL CHECK (reason <> ''),
+    last_intent_id INTEGER NOT NULL REFERENCES intent (id),
+    FOREIGN KEY (task_id, target_id) REFERENCES target (task_id, id)
+) STRICT;
+
+CREATE TABLE meter (
+    only INTEGER PRIMARY KEY CHECK (only = 1),
+    run_id INTEGER NOT NULL REFERENCES run (id),
+    task_id INTEGER REFERENCES task (id),
+    count_ml REAL NOT NULL CHECK (count_ml {_FINITE}),
+    last_intent_id INTEGER NOT NULL
+) STRICT;
+
+CREATE TABLE outbox (
+    seq INTEGER PRIMARY KEY AUTOINCREMENT,
+    run_id INTEGER NOT NULL REFERENCES run (id),
+    kind TEXT NOT NULL CHECK (kind IN ('shot', 'leak', 'release', 'fault', 'event')),
+    row_id INTEGER NOT NULL,
+    UNIQUE (kind, row_id)
+) STRICT;
+
+CREATE TABLE outbox_loss (
+    kind TEXT PRIMARY KEY,
+    dropped INTEGER NOT NULL CHECK (dropped >= 0)
+) STRICT, WITHOUT ROWID;
+
+CREATE INDEX leak_by_task ON leak (task_id);
+CREATE INDEX release_by_target ON release (task_id, target_id);
+
+CREATE TRIGGER leak_is_final BEFORE UPDATE ON leak BEGIN SELECT RAISE(ABORT, 'a leak is final'); END;
+CREATE TRIGGER leak_stays BEFORE DELETE ON leak BEGIN SELECT RAISE(ABORT, 'a leak stays'); END;
+CREATE TRIGGER release_is_final BEFORE UPDATE ON release BEGIN SELECT RAISE(ABORT, 'a release is final'); END;
+CREATE TRIGGER release_stays BEFORE DELETE ON release BEGIN SELECT RAISE(ABORT, 'a release stays'); END;
+"""
 
 SCHEMA = f"""
 CREATE TABLE run (
@@ -92,6 +149,7 @@ CREATE TABLE intent (
     full_ml REAL NOT NULL CHECK (full_ml {_AMOUNT}),
     stamp_s REAL NOT NULL CHECK (stamp_s {_FINITE}),
     {_INTENT_2},
+    {_INTENT_3},
     FOREIGN KEY (task_id, target_id) REFERENCES target (task_id, id)
 ) STRICT;
 
@@ -156,4 +214,4 @@ CREATE TRIGGER intent_is_final BEFORE UPDATE ON intent BEGIN SELECT RAISE(ABORT,
 CREATE TRIGGER intent_stays BEFORE DELETE ON intent BEGIN SELECT RAISE(ABORT, 'an intent stays'); END;
 CREATE TRIGGER result_is_final BEFORE UPDATE ON result BEGIN SELECT RAISE(ABORT, 'a result is final'); END;
 CREATE TRIGGER result_stays BEFORE DELETE ON result BEGIN SELECT RAISE(ABORT, 'a result stays'); END;
-"""
+{TABLES_3}"""

@@ -41,7 +41,8 @@ class Intent:
 
     ``due_ml`` the figure of law and ripeness, ``dose_ml`` the commanded one, ``open_s`` the commanded coil time,
     ``pulse_s`` the board's own timer. ``factor`` of ripeness is already in ``due_ml``; ``reason`` says why the dose is
-    not simply that of a measured fruit (a limit, a fruit too hidden to measure), "" when it is.
+    not simply that of a measured fruit (a limit, a fruit too hidden to measure), "" when it is. ``model_ml`` is what
+    the flow model expects of ``open_s``, None from an older program.
     """
 
     target_id: int
@@ -55,6 +56,7 @@ class Intent:
     stamp_s: float
     factor: float = 1.0
     reason: str = ""
+    model_ml: float | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -65,6 +67,19 @@ class Result:
     booked_ml: float
     open_s: float
     measured_ml: float | None
+    reason: str
+    stamp_s: float
+
+
+@dataclass(frozen=True, slots=True)
+class Leak:
+    """Liquid that passed the flow meter and belongs to no shot: the valve should have been shut.
+
+    ``measured_ml`` is the meter's figure, ``booked_ml`` that widened by the meter's tolerance.
+    """
+
+    booked_ml: float
+    measured_ml: float
     reason: str
     stamp_s: float
 

@@ -1,6 +1,6 @@
 """Move, stop, detect, aim, spray: the state machine and its state tasks."""
 
-from robot.mission.context import MissionContext, Progress
+from robot.mission.context import MissionContext, Progress, rewound
 from robot.mission.events import BookChanged, FrameSeen, LightSeen, ShotDone, StateEntered, TargetSkipped, Trouble
 from robot.mission.localiser import Localiser
 from robot.mission.machine import Mission
@@ -26,4 +26,5 @@ __all__ = [
     "TargetSkipped",
     "Trouble",
     "next_state",
+    "rewound",
 ]

@@ -18,7 +18,7 @@ from robot.mission.events import BookChanged
 from robot.mission.localiser import Localiser
 from robot.mission.settings import MissionSettings
 from robot.navigation import Stop
-from robot.targets import Book, Target, TargetState, with_state
+from robot.targets import Book, Target, TargetState, book_of, with_state
 from robot.vision.detector import Detector
 from robot.vision.stereo_rig import StereoRig
 
@@ -95,8 +95,22 @@ class MissionContext:
         )
         await self.write(lambda: self.ledger.checkpoint(self.task_id, point))
 
+    async def rewind(self) -> None:
+        """Go on from the beginning of the present stop, see ``rewound``."""
+        await self.write(lambda: rewound(self.progress, self.ledger, self.task_id))
+
     def stop_here(self) -> Stop:
         return self.settings.row.stops[self.progress.stop - 1]
 
     def target(self, target_id: int) -> Target:
         return self.progress.book.target(target_id)
+
+
+def rewound(progress: Progress, ledger: Ledger, task_id: int) -> None:
+    """Back to the beginning of the stop at which a task was halted: MOVE goes to the next one, so this is seen again.
+
+    Every target has the fate that the ledger's shots tell: one that was sprayed, or may have been, when the mission was
+    halted in the middle of its dose, is not sprayed again.
+    """
+    progress.book = book_of(ledger.targets(task_id))
+    progress.stop = max(0, progress.stop - 1)

@@ -64,7 +64,7 @@ class Mission:
 
     async def _resumed(self) -> bool:
         """Wait while the machine is paused; whether it is in AUTO again. A pause that nobody ends becomes a stop."""
-        if not self._paused():
+        if not (self._paused() or self._in_auto()):  # AUTO: resumed before the halted state had come to its end
             return False
         actuation, longest_s = self._context.actuation, self._context.settings.longest_pause_s
         try:
@@ -74,8 +74,12 @@ class Mission:
                     await self._mode_moved.wait()
         except TimeoutError:
             await actuation.stop(f"paused for {longest_s:.0f} s: {'; '.join(actuation.state.causes)}")
-        progress = self._context.progress
-        progress.stop = max(0, progress.stop - 1)  # MOVE goes to the next one: this stop is looked at again
+        if not self._in_auto():
+            return False
+        try:
+            await self._context.rewind()
+        except SprayerError as error:
+            await self._stop_for(error)
         return self._in_auto()
 
     async def _enter(self, reason: str) -> bool:
@@ -98,7 +102,8 @@ class Mission:
         try:
             return await self._task
         except asyncio.CancelledError:
-            if self._in_auto():
+            me = asyncio.current_task()
+            if me is None or me.cancelling():
                 raise  # the whole mission is being cancelled, not just the state
             return Event.HALTED
         except (DeviceError, SprayerError) as error:

@@ -82,4 +82,5 @@ def build_devices(
         gps=workshop.gps(),
         modem=workshop.modem(),
         wheels=workshop.wheels(),
+        ports=ports,
     )

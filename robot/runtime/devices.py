@@ -28,6 +28,7 @@ from robot.config import Config
 from robot.config.devices import MockRelaySection
 from robot.errors import BusyError, ConfigError, FileError, UsageError
 from robot.navigation import Row
+from robot.runtime.ports import Ports
 from robot.runtime.settings import mounts
 from robot.vision.stereo_rig import StereoRig
 
@@ -36,7 +37,7 @@ EMULATED_QUANTUM_S, EMULATED_LONGEST_S = 0.1, 30.0
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Devices:
-    """Every device of the rover, each behind its contract."""
+    """Every device of the rover, each behind its contract; ``ports`` are those that some of them share."""
 
     camera: StereoCamera
     arm: Arm
@@ -45,6 +46,7 @@ class Devices:
     gps: Gps
     modem: Modem
     wheels: Wheels
+    ports: Ports
 
     async def open(self, stack: AsyncExitStack, on_trouble: Callable[[str], None]) -> None:
         """Open all; the stack closes them in reverse order, the relay last, and goes on past one that fails."""

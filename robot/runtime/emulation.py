@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import itertools
 from collections.abc import AsyncIterator, Callable, Coroutine
 from contextlib import asynccontextmanager
 from pathlib import Path
@@ -44,6 +45,7 @@ from robot.runtime.settings import load_arm, load_camera, load_row
 
 DEVICES = ("arm", "relay", "inputs", "gps", "modem", "wheels", "camera")
 LOOK_S = 0.02  # how often plugs and the clock of the machine are seen to
+LOOKS_A_HOST = 10  # so many looks, and dead hosts are forgotten
 
 
 @asynccontextmanager
@@ -120,8 +122,11 @@ class EmulatedRover:
 
     async def _mind(self) -> None:
         """Pull and push plugs as the faults say, and let the machine go on when nobody asks it anything."""
-        while True:
+        for look in itertools.count():
             now_s = self._clock()
+            if look % LOOKS_A_HOST == 0:
+                for wire in self._wires.values():
+                    wire.forget_dead_host()
             pulled = {wire for name, wire in self._wires.items() if self._twin.verb(name, now_s) is Verb.UNPLUGGED}
             for wire in self._wires.values():
                 if wire in pulled:  # with all that is on it

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Callable
 from contextlib import AsyncExitStack
+from dataclasses import asdict
 from pathlib import Path
 
 from drivers.byte_trace import ByteTrace, TraceHead
@@ -21,11 +22,13 @@ class Ports:
         self._clock, self._trace, self._stack = clock, trace, stack
         self._taken: dict[str, PortSettings] = {}
         self._buses: dict[str, ModbusMaster] = {}
+        self._opened: dict[str, SerialPort] = {}
 
     def serial(self, settings: PortSettings) -> SerialPort:
         """A port that one device has for itself."""
         self._claim(settings)
-        return SerialPort(settings, self._clock, trace=self.trace_of(settings))
+        port = self._opened[settings.device] = SerialPort(settings, self._clock, trace=self.trace_of(settings))
+        return port
 
     def alone(self, settings: PortSettings) -> PortSettings:
         """The settings of a port that its driver opens itself, and that no other device may name."""
@@ -47,6 +50,13 @@ class Ports:
                 f"{ways[0]} and {ways[1]}; correct one of them"
             )
         return bus
+
+    def counts(self) -> dict[str, dict[str, int]]:
+        """What went over each port that is opened here, by its first device; of a Modbus bus its requests too."""
+        counts = {device: asdict(port.statistics) for device, port in self._opened.items()}
+        for bus in self._buses.values():
+            counts[bus.port.settings.device] |= asdict(bus.statistics)
+        return counts
 
     def trace_of(self, settings: PortSettings) -> ByteTrace | None:
         """A new trace file for a port, None when nobody asked for one."""

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
+from datetime import datetime
 from pathlib import Path
 
+from robot import safety
 from robot.errors import ConfigError, UsageError
 from robot.ledger import Ledger
 from robot.ledger.values import Task
-from robot.mission.spray import cell_of
-from robot.safety import Cell
-from robot.targets import Book
 
 BY_HAND = "by hand"  # the route of tasks that no row belongs to
 
@@ -41,19 +40,13 @@ def taken_by_hand_ml(ledger: Ledger, task_id: int) -> float:
     return sum(ledger.totals(number).booked_ml for number in later if ledger.task(number).route == BY_HAND)
 
 
-def given_by_target_ml(ledger: Ledger, task_id: int) -> dict[int, float]:
-    """What the task booked on each target so far; a shot without an outcome counts as its full pulse."""
-    given_ml: dict[int, float] = {}
-    for shot in ledger.shots(task_id):
-        booked_ml = shot.result.booked_ml if shot.result else shot.intent.full_ml
-        given_ml[shot.intent.target_id] = given_ml.get(shot.intent.target_id, 0.0) + booked_ml
-    return given_ml
+def given_before(ledger: Ledger, task_id: int, utc: datetime, now_s: float) -> safety.Given:
+    """What counts for the caps of a task that begins or goes on at ``utc``, which is ``now_s`` on the loop's clock.
 
-
-def cells_ml(book: Book, given_ml: dict[int, float]) -> tuple[tuple[Cell, float], ...]:
-    """What was booked on the targets of each square metre."""
-    cells: dict[Cell, float] = {}
-    for target in book.targets:
-        if target.id in given_ml:
-            cells[cell_of(target)] = cells.get(cell_of(target), 0.0) + given_ml[target.id]
-    return tuple(sorted(cells.items()))
+    Shots of every earlier run, those without an outcome in full, and leaks.
+    """
+    sums = ledger.sums(task_id, utc)
+    return safety.Given(
+        sums.task_ml, sums.day_ml, tuple(sorted(sums.target_ml.items())), tuple(sorted(sums.cell_ml.items())),
+        tuple((now_s - entry.age_s, entry.ml) for entry in sums.minute),
+    )  # fmt: skip

@@ -123,6 +123,8 @@ def hand_settings(config: Config) -> HandSettings:
         meter_ml_per_pulse=config.fluid.meter_ml_per_pulse,
         meter_tolerance=config.fluid.meter_tolerance,
         valve_close_s=config.fluid.valve_close_s,
+        tank_reserve_ml=config.fluid.tank_reserve_ml,
+        tank_ml=config.fluid.tank_ml,
     )
 
 

@@ -49,6 +49,7 @@ class Upkeep:
             devices.arm, devices.relay, devices.wheels, devices.inputs, ledger, limits(config), hand_settings(config),
             self._mode_changed,
         )  # fmt: skip
+        self.supervisor: Supervisor | None = None  # while ``living`` lasts, and what was of it afterwards
 
     @asynccontextmanager
     async def living(
@@ -61,7 +62,8 @@ class Upkeep:
         try:
             async with asyncio.TaskGroup() as group:
                 supervisor = Supervisor(group, lambda name, text: self._on_fault(group, name, text))
-                logging = group.create_task(self._modes.run(), name="mode log")
+                self.supervisor = supervisor
+                supervisor.keep("mode log", "ledger", self._modes.run)
                 try:
                     self._supervise(supervisor, on_odometry, polls)
                     await self._first_readings()
@@ -69,7 +71,6 @@ class Upkeep:
                 finally:
                     await self._let_go()
                     supervisor.stop()
-                    logging.cancel()
         finally:
             self._modes.write_rest()
 

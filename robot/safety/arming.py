@@ -16,7 +16,7 @@ from robot.safety.values import Inputs, SafetyState
 
 
 def reasons_against_arming(
-    state: SafetyState, inputs: Inputs | None, now_s: float, first: bool = True
+    state: SafetyState, inputs: Inputs | None, now_s: float, first: bool
 ) -> tuple[str, ...]:
     """Why the machine must not be armed, started or operated now; () when it may be. ``first``: the step to READY,
     at which the pump must be off as well."""

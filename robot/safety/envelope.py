@@ -123,6 +123,7 @@ def _cap_reasons(state: SafetyState, request: SprayRequest, limits: Limits, now_
     target_ml = dict(given.target_ml).get(request.target_id, 0.0)
     target_ml += sum(b.ml for b in state.bookings if b.target_id == request.target_id)
     minute_ml = sum(b.ml for b in state.bookings if b.pending or now_s - b.stamp_s < MINUTE_S)
+    minute_ml += sum(ml for stamp_s, ml in given.recent if now_s - stamp_s < MINUTE_S)
     cell_ml = 0.0
     if request.cell is not None:
         cell_ml = dict(given.cell_ml).get(request.cell, 0.0)

@@ -29,7 +29,7 @@ def watch(state: SafetyState, inputs: Inputs, limits: Limits, now_s: float) -> S
 def _shown(state: SafetyState, inputs: Inputs, limits: Limits, now_s: float) -> dict[str, str]:
     energised = state.mode in _ENERGISED
     shot = any(booking.pending for booking in state.bookings)
-    rolling_s = 0.0 if state.rolling_since_s is None else now_s - state.rolling_since_s
+    rolls_on = state.rolling_since_s is not None and now_s - state.rolling_since_s > COAST_S
     lease = lease_reasons(state, now_s) if state.mode is Mode.MANUAL else ()
     errors = " ".join(f"0x{error:02x}" for error in inputs.arm_errors)
     empty_ml = limits.tank_reserve_ml + limits.max_shot_ml
@@ -38,7 +38,7 @@ def _shown(state: SafetyState, inputs: Inputs, limits: Limits, now_s: float) -> 
         ("F12", energised and any(inputs.arm_errors),
          f"the servos of the arm report the errors {errors}: let it cool down, look for what blocks it"),
         ("F13", energised and not inputs.arm_torque_on, "the arm has lost its torque: a servo started anew"),
-        ("F21", energised and rolling_s > COAST_S,
+        ("F21", energised and rolls_on,
          f"the base rolls at {inputs.base_speed_m_s:.2f} m/s though it was told to stand still"),
         ("F59", energised and inputs.bumper_pressed, "the bumper was pressed"),
         ("F63", energised and state.mode is not Mode.MANUAL and not inputs.fence_margin_m >= 0.0,

@@ -122,12 +122,16 @@ class Lease:
 
 @dataclass(frozen=True, slots=True)
 class Given:
-    """Liquid of earlier runs that counts for the caps: of the task, of this day, by target and by square metre."""
+    """Liquid of earlier runs that counts for the caps: of the task, of this day, by target and by square metre.
+
+    ``recent`` holds what counts for the rolling minute: (loop time at which it was given, ml).
+    """
 
     task_ml: float = 0.0
     day_ml: float = 0.0
     target_ml: tuple[tuple[int, float], ...] = ()
     cell_ml: tuple[tuple[Cell, float], ...] = ()
+    recent: tuple[tuple[float, float], ...] = ()
 
 
 @dataclass(frozen=True, slots=True)

@@ -27,7 +27,7 @@ from robot.runtime import RunOptions, RunResult, run_robot
 from robot.runtime.devices import nominal_machine
 from robot.runtime.settings import load_arm, load_row, mission_settings
 from robot.vision.make import make_detector
-from tests.bench import bench_arm, bench_camera, bench_gps, bench_modem, bench_relay
+from tests.bench import bench_alloff, bench_arm, bench_camera, bench_gps, bench_modem, bench_relay
 from tests.bench.lines import measure, say
 
 DEMO = packaged("configs") / "demo.toml"
@@ -109,6 +109,7 @@ def main() -> None:
     for title, device in (
         ("arm, over an emulated bus in another process", bench_arm),
         ("relay board", bench_relay),
+        ("all-off script", bench_alloff),
         ("receiver", bench_gps),
         ("modem", bench_modem),
         ("camera", bench_camera),

@@ -74,14 +74,19 @@ def gentle(start: tuple[float, ...], goal: tuple[float, ...], duration_s: float 
 
 
 @asynccontextmanager
-async def machine(folder: Path, *faults: str, start: bool = True) -> AsyncIterator[Machine]:
-    """Up and polling; armed and in AUTO with ``start``. ``faults`` like "relay:off@12s+3s"."""
+async def machine(
+    folder: Path, *faults: str, start: bool = True, twin: Twin | None = None
+) -> AsyncIterator[Machine]:
+    """Up and polling; armed and in AUTO with ``start``. ``faults`` like "relay:off@12s+3s".
+
+    ``twin`` is that of an earlier life of the program, which goes on.
+    """
     config = load_config(DEMO)
     arm_model, urdf = load_arm(config, DEMO)
     row = load_row(config, DEMO)
     rig = load_rig(packaged("configs") / config.camera.calibration)
     loop = asyncio.get_running_loop()
-    twin = Twin(
+    twin = twin or Twin(
         nominal_machine(config, rig, urdf), Scene(seed=1, row_length_m=1.0), 1, None,
         FaultPlan(parse_fault(text) for text in faults),
     )  # fmt: skip

@@ -6,11 +6,12 @@ import asyncio
 import math
 from collections.abc import Sequence
 from dataclasses import replace
+from datetime import UTC, datetime
 
 import numpy as np
 
 from drivers.errors import DeviceTimeout
-from robot import dosing, safety
+from robot import dosing
 from robot.actuation import LEDGER_WRITE_S, PulseOrder, Refused
 from robot.clock import work
 from robot.config import Config
@@ -20,7 +21,7 @@ from robot.mission.settings import DoseSettings
 from robot.mission.spray import full_pulse_ml
 from robot.runtime.manual.arm import nozzle_in_base, settle
 from robot.runtime.manual.session import ByHand
-from robot.runtime.resuming import BY_HAND
+from robot.runtime.resuming import BY_HAND, given_before
 from robot.safety.timing import MINUTE_S
 from robot.targets import Target, TargetState
 from robot.vision.values import Ripeness
@@ -55,7 +56,8 @@ class LiquidByHand:
         self.shot_pressure_bar = math.nan  # as read before the last dose
         tank_ml = max(0.0, min(hands.task.tank_fill_ml, sensors.tank_level_ml))
         self.task_id = hands.ledger.begin_task(replace(hands.task, tank_fill_ml=tank_ml))
-        self._actuation.begin_task(self.task_id, tank_ml, safety.Given())
+        given = given_before(hands.ledger, self.task_id, datetime.now(UTC), hands.now_s())
+        self._actuation.begin_task(self.task_id, tank_ml, given)
 
     @property
     def pressure_bar(self) -> float:
@@ -96,10 +98,12 @@ class LiquidByHand:
         most_ml = 1.1 * full_pulse_ml(flow, self._actuation.board_pulse_s(open_s), flow.flow.pressure_bar)
         while True:
             now_s = self._hands.now_s()
-            young = [b for b in self._actuation.state.bookings if b.pending or now_s - b.stamp_s < MINUTE_S]
-            if not young or sum(booking.ml for booking in young) + most_ml <= cap_ml:
+            state = self._actuation.state
+            young = [(b.stamp_s, b.ml) for b in state.bookings if b.pending or now_s - b.stamp_s < MINUTE_S]
+            young += [(stamp_s, ml) for stamp_s, ml in state.given.recent if now_s - stamp_s < MINUTE_S]
+            if not young or sum(ml for _, ml in young) + most_ml <= cap_ml:
                 return
-            wait_s = min(booking.stamp_s for booking in young) + MINUTE_S - now_s + 0.01
+            wait_s = min(stamp_s for stamp_s, _ in young) + MINUTE_S - now_s + 0.01
             if wait_s > LONGEST_HEADED_S:
                 self._hands.tell(f"waiting {wait_s:.0f} s: no more than {cap_ml:g} ml in a minute")
                 await self.rest()

@@ -18,6 +18,7 @@ from robot.geometry import Pose2
 from robot.ledger import Ledger, Task
 from robot.mission import Localiser, MissionSettings
 from robot.navigation import FixRules
+from robot.runtime.alloff_file import write_alloff_files
 from robot.runtime.lifecycle import ledger_path
 from robot.runtime.manual.building import ManualOptions, hand_devices, open_hands
 from robot.runtime.resuming import BY_HAND
@@ -83,6 +84,7 @@ async def manual(
         except OSError as error:
             raise FileError(f"{options.folder}: cannot be created ({error.strerror}); choose another --out") from error
         ledger = stack.enter_context(Ledger.open(ledger_path(options.folder)))
+        write_alloff_files(config, options.folder, options.ports)
         devices = hand_devices(config, row, arm_model, urdf_text, options, stack)
         await open_hands(devices, stack, tell)
         ledger.begin_run(uuid.uuid4().hex, datetime.now(UTC))

@@ -79,11 +79,11 @@ class FruitDetector:
         spread = spread_of(second, well, pair)
         score = 0.5 * (looked.left.ripeness + looked.right.ripeness)
         seen = looked.first.shows.mean(axis=2).min(axis=1)
+        centres_m = fit.centre_m[kept] @ pair.rect_from_left
+        outlines = outline_circles(centres_m, fit.radius_m[kept], rig).tolist()
         fruits = []
-        for k in kept:
-            centre_m = pair.rect_from_left.T @ fit.centre_m[k]
+        for k, centre_m, (in_left, in_right) in zip(kept, centres_m, outlines, strict=True):
             kind, sure = kind_of(float(score[k])), float(confidence[k])
-            in_left, in_right = outline_circles(centre_m, float(fit.radius_m[k]), rig)
             fruits.append(
                 Fruit(
                     centre_m=np.round(centre_m, 6),

@@ -43,8 +43,9 @@ class Spheroids:
 
 
 def fit_spheroids(
-    rays: Array, sigma_px: Array, eyes_m: Array, start: Array, harmonic: Array, focal_px: float
-) -> Spheroids:
+    rays: Array, sigma_px: Array, eyes_m: Array, start: Array, harmonic: Array, focal_px: float,
+    iterations: int = ITERATIONS,
+) -> Spheroids:  # fmt: skip
     """Fit n fruit to unit ``rays`` (n, 2, k, 3) of the outline points in two views, each known to ``sigma_px``
     (n, 2, k), pixels of ``focal_px``.
 
@@ -61,7 +62,7 @@ def fit_spheroids(
     normal = np.tile(np.eye(6), (count, 1, 1))
     weights = np.ones_like(residual)
     scale = np.ones(count)
-    for k in range(ITERATIONS):
+    for k in range(iterations):
         relative = residual / sigma_px
         floor = max(1.0, 2.0 - 0.5 * k)
         scale = np.maximum(1.4826 * np.median(np.abs(relative).reshape(count, points), axis=1), floor)

@@ -18,6 +18,9 @@ from robot.vision.fruit.propose import prepare, propose
 from robot.vision.fruit.rectify import ParallelPair, parallel_pair
 from robot.vision.stereo_rig import StereoRig
 
+FIRST_ITERATIONS = 3
+"""The first look only has to bring the second near enough."""
+
 Array = npt.NDArray[np.float64]
 Image = npt.NDArray[np.uint8]
 
@@ -49,7 +52,7 @@ def look(
     if len(guesses) == 0:
         return None
     net = models.outline
-    first = trace(guesses.centre_m, guesses.radius_m, guesses.harmonic, WIDE, images, rig, pair, net)
+    first = trace(guesses.centre_m, guesses.radius_m, guesses.harmonic, WIDE, images, rig, pair, net, FIRST_ITERATIONS)
     rows = np.flatnonzero(first.verdict[:, 0] > parameters.least_first_verdict)
     over("first look")
     if len(rows) == 0:

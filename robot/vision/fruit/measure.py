@@ -8,7 +8,7 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from robot.vision.fruit.joint_fit import Spheroids, fit_spheroids, outline_rays
+from robot.vision.fruit.joint_fit import ITERATIONS, Spheroids, fit_spheroids, outline_rays
 from robot.vision.fruit.polar import ANGLES, STEPS, TURN_RAD, sample_places, unrolled
 from robot.vision.fruit.rectify import ParallelPair
 from robot.vision.stereo_rig import StereoRig
@@ -39,7 +39,7 @@ class Traced:
 
 def trace(
     centre_m: Array, radius_m: Array, harmonic: Array, reach: float, images: tuple[Image, Image], rig: StereoRig,
-    pair: ParallelPair, net: cv2.dnn.Net,
+    pair: ParallelPair, net: cv2.dnn.Net, iterations: int = ITERATIONS,
 ) -> Traced:  # fmt: skip
     """One look at n guesses: ``centre_m`` (n, 3) in the pair's frame, ``radius_m`` (n,), ``harmonic`` (n, 2)."""
     places, band = sample_places(centre_m, radius_m, harmonic, np.full(len(radius_m), reach), rig, pair)
@@ -51,7 +51,7 @@ def trace(
     step_px = step_rad * pair.focal_px
     sigma = np.maximum(np.exp(np.clip(spread, -3.5, 2.5)) * step_px[:, None, None], FINEST_PX)
     start = np.column_stack([centre_m, radius_m])
-    fit = fit_spheroids(rays, sigma, pair.eyes_m, start, harmonic, pair.focal_px)
+    fit = fit_spheroids(rays, sigma, pair.eyes_m, start, harmonic, pair.focal_px, iterations)
     return Traced(fit, sigma, 0.5 * (1 + np.tanh(0.5 * shows)), verdict)
 
 

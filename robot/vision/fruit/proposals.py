@@ -72,8 +72,9 @@ def overlaps(boxes: Array, other: Array) -> Array:
 def _apart(boxes: Array, most: int) -> npt.NDArray[np.int64]:
     """Rows in their order that overlap no better one, at most ``most``."""
     kept: list[int] = []
+    shared = overlaps(boxes, boxes)
     for row in range(len(boxes)):
-        if not kept or overlaps(boxes[row : row + 1], boxes[kept]).max() < SAME_OVERLAP:
+        if not kept or shared[row, kept].max() < SAME_OVERLAP:
             kept.append(row)
             if len(kept) == most:
                 break

@@ -15,9 +15,9 @@ from robot.vision.fruit.measure import Traced
 from robot.vision.fruit.rectify import ParallelPair
 
 Array = npt.NDArray[np.float64]
-ALONG_SCALE, ACROSS_SCALE, SIZE_SCALE = 3.0, 3.5, 4.5
+ALONG_SCALE, ACROSS_SCALE, SIZE_SCALE = 3.5, 4.0, 4.5
 """Neighbouring edge points share their errors: the fit's sigmas are too small by these factors."""
-DISPARITY_SIGMA_PX, ACROSS_SIGMA_PX = 0.1, 0.3
+DISPARITY_SIGMA_PX, ACROSS_SIGMA_PX = 0.12, 0.3
 """Stored pixels; what the shape, the calibration and the lens model leave out."""
 SHAPE_SIGMA = 0.006
 DOUBTFUL_CENTRE, DOUBTFUL_SIZE = 0.12, 0.14

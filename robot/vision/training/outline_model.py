@@ -29,7 +29,7 @@ class Ring(nn.Module):
 class Tracer(nn.Module):
     """(n, CHANNELS, ANGLES, STEPS) to (n, OUTPUTS) of the rays and (n, 2): is it a fruit, is it measured well."""
 
-    def __init__(self, widths: tuple[int, int, int, int] = (16, 32, 64, 96)) -> None:
+    def __init__(self, widths: tuple[int, int, int, int] = (16, 32, 48, 64)) -> None:
         super().__init__()
         a, b, c, d = widths
         self.first = Ring(CHANNELS, a)

@@ -144,12 +144,12 @@ def test_history_cannot_be_rewritten_even_by_another_program(opened: Opened) -> 
 
 def test_totals_are_booked_pending_measured_and_pulses_by_outcome(opened: Opened) -> None:
     ledger, task_id = opened
-    for outcome, booked_ml, measured_ml in (
-        (Outcome.SPRAYED, 5.0, 4.9),
-        (Outcome.SHORTENED, 2.0, None),
-        (Outcome.NOT_OPENED, 0.0, 0.0),
+    for target_id, outcome, booked_ml, measured_ml in (
+        (1, Outcome.SPRAYED, 5.0, 4.9),
+        (3, Outcome.SHORTENED, 2.0, None),
+        (1, Outcome.NOT_OPENED, 0.0, 0.0),
     ):
-        number = ledger.write_intent(task_id, INTENT)
+        number = ledger.write_intent(task_id, intent(target_id))
         ledger.write_result(number, replace(SPRAYED, outcome=outcome, booked_ml=booked_ml, measured_ml=measured_ml))
     ledger.write_intent(task_id, intent(2))
     totals = ledger.totals(task_id)

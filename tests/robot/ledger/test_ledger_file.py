@@ -13,6 +13,7 @@ import threading
 from dataclasses import replace
 from datetime import timedelta
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -221,6 +222,31 @@ def test_a_damaged_ledger_is_refused_before_anything_is_sprayed(tmp_path: Path) 
         Ledger.open(ledger.path)
 
 
+def test_a_ledger_with_rows_that_no_program_writes_is_refused(tmp_path: Path) -> None:
+    ledger, _ = started(tmp_path / "run.ledger")
+    ledger.record_event("state", "MOVE", 1.0)
+    ledger.close()
+    with sqlite3.connect(ledger.path) as raw:
+        raw.execute("PRAGMA ignore_check_constraints = ON")
+        raw.execute("UPDATE event SET kind = ''")
+    raw.close()
+    with pytest.raises(FileError, match=r"damaged \(CHECK constraint failed in event\); keep the file"):
+        Ledger.open(ledger.path)
+
+
+class WithoutLog(sqlite3.Connection):
+    """On a file system that cannot share memory."""
+
+    def execute(self, sql: str, *values: Any) -> sqlite3.Cursor:
+        return super().execute("SELECT 'delete'" if sql.startswith("PRAGMA journal_mode") else sql, *values)
+
+
+def test_a_file_system_without_a_write_ahead_log_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(FileError, match=r"cannot hold a write-ahead log \(mode delete\); use a local disk"):
+        Ledger.open(tmp_path / "run.ledger", factory=WithoutLog)
+    Ledger.open(tmp_path / "run.ledger").close()
+
+
 def test_a_missing_folder_is_named(tmp_path: Path) -> None:
     with pytest.raises(FileError, match=r"none/run.ledger.lock: cannot be created"):
         Ledger.open(tmp_path / "none" / "run.ledger")
@@ -256,7 +282,7 @@ def test_a_full_disk_refuses_the_intent_and_keeps_what_was_written(tmp_path: Pat
     ledger.write_result(ledger.write_intent(task_id, INTENT), SPRAYED)
     soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
     old_handler = signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
-    used = max(item.stat().st_size for item in tmp_path.iterdir())
+    used = max(item.stat().st_size for item in tmp_path.iterdir() if item.suffix != ".reserve")
     try:
         resource.setrlimit(resource.RLIMIT_FSIZE, (used, hard))
         with pytest.raises(FileError, match="no ledger, no spray"):

@@ -8,41 +8,13 @@ from pathlib import Path
 import pytest
 
 from robot.errors import FileError
-from robot.ledger import Ledger, LedgerReader
+from robot.ledger import Ledger, LedgerReader, database
+from robot.ledger.schema import SCHEMA_VERSION
 from robot.targets import TargetState
-from robot.vision.values import Ripeness
+from tests.robot.ledger.old_ledgers import check_nothing_newer, check_rows, old_ledger, version
 from tests.robot.ledger.rows import INTENT, NOON, SPRAYED, TASK, started, target
 
-OLD = Path(__file__).with_name("schema_1.sql").read_text(encoding="utf-8")
-ROWS = """
-INSERT INTO run VALUES (1, 'boot-0', '2026-05-01T08:00:00+00:00');
-INSERT INTO task VALUES (1, 1, '2026-05-01T08:00:00+00:00', 'Water', '-', 0, 'Ada', 5000, 8000, 1, 'demo', 'abc', 7);
-INSERT INTO target VALUES
-  (1, 1, 0.3, 0.6, 0.9, '[1e-6, 0, 0, 1e-6, 0, 1e-6]', 0.08, 0.003, 'red', 0.9, 0.8, 0.5, 3, 11, 'sprayed', ''),
-  (1, 2, 0.3, 0.6, 0.9, '[0, 0, 0, 0, 0, 0]', 0.001, 0, 'green', 0, 0, 0, 1, 11, 'open', 'by hand: no fruit');
-INSERT INTO intent VALUES (1, 1, 1, '2026-05-01T08:01:00+00:00', 1, 1, 1, 5.4, 5.4, 0.4, 0.5, 6.3, 12);
-INSERT INTO result VALUES (1, '2026-05-01T08:01:01+00:00', 'sprayed', 5.4, 0.4, 5.3, 'as told', 13);
-"""
-
-
-def old_ledger(folder: Path) -> Path:
-    path = folder / "old.sqlite"
-    with sqlite3.connect(path) as raw:
-        raw.execute("PRAGMA journal_mode = WAL")
-        raw.executescript(OLD + ROWS)
-    raw.close()
-    return path
-
-
-def check_rows(reader: LedgerReader) -> None:
-    fruit, by_hand = reader.targets(1)
-    assert (fruit.diameter_m, fruit.ripeness, fruit.ripeness_score) == (0.08, Ripeness.RED, 0.9)
-    assert (fruit.measured, fruit.ripeness_weight) == (True, pytest.approx(3 * 0.8 * 0.5))
-    assert (by_hand.measured, by_hand.ripeness_weight) == (False, 0.0)
-    (shot,) = reader.shots(1)
-    assert (shot.intent.factor, shot.intent.reason, shot.intent.stamp_s) == (1.0, "", 12.0)
-    assert shot.result is not None
-    assert (shot.result.booked_ml, shot.result.reason) == (5.4, "as told")
+VERSIONS = pytest.mark.parametrize("number", [1, 2])
 
 
 def columns(path: Path) -> dict[str, list[tuple[object, ...]]]:
@@ -53,25 +25,21 @@ def columns(path: Path) -> dict[str, list[tuple[object, ...]]]:
     return found
 
 
-def version(path: Path) -> int:
-    with sqlite3.connect(path) as raw:
-        (found,) = raw.execute("PRAGMA user_version").fetchone()
-    raw.close()
-    return int(found)
-
-
-def test_opened_for_writing_it_becomes_a_ledger_of_today(tmp_path: Path) -> None:
-    path = old_ledger(tmp_path)
+@VERSIONS
+def test_opened_for_writing_it_becomes_a_ledger_of_today(tmp_path: Path, number: int) -> None:
+    path = old_ledger(tmp_path, number)
     with Ledger.open(path) as ledger:
-        check_rows(ledger)
-    assert version(path) == 2
+        check_rows(ledger, number)
+        check_nothing_newer(ledger)
+    assert version(path) == SCHEMA_VERSION == 3
     new, _ = started(tmp_path / "new.sqlite")
     new.close()
     assert columns(path) == columns(new.path)
 
 
-def test_work_goes_on_in_it(tmp_path: Path) -> None:
-    path = old_ledger(tmp_path)
+@VERSIONS
+def test_work_goes_on_in_it(tmp_path: Path, number: int) -> None:
+    path = old_ledger(tmp_path, number)
     for _ in range(2):  # opened again, nothing is done twice
         with Ledger.open(path, utc=lambda: NOON) as ledger:
             ledger.begin_run("boot-1", NOON)
@@ -79,32 +47,36 @@ def test_work_goes_on_in_it(tmp_path: Path) -> None:
             ledger.upsert_targets(task_id, [target(1, TargetState.SPRAYED)])
             ledger.write_result(ledger.write_intent(task_id, INTENT), SPRAYED)
             assert ledger.shots(task_id)[0].intent == INTENT
-            check_rows(ledger)
+            check_rows(ledger, number)
 
 
-def test_history_stays_final_after_it(tmp_path: Path) -> None:
-    path = old_ledger(tmp_path)
+@VERSIONS
+def test_history_stays_final_after_it(tmp_path: Path, number: int) -> None:
+    path = old_ledger(tmp_path, number)
     Ledger.open(path).close()
     with sqlite3.connect(path) as raw, pytest.raises(sqlite3.IntegrityError, match="final"):
         raw.execute("UPDATE intent SET factor = 0.5")
     raw.close()
 
 
-def test_a_report_reads_it_as_it_is_and_does_not_change_it(tmp_path: Path) -> None:
-    path = old_ledger(tmp_path)
+@VERSIONS
+def test_a_report_reads_it_as_it_is_and_does_not_change_it(tmp_path: Path, number: int) -> None:
+    path = old_ledger(tmp_path, number)
     before = path.read_bytes()
     with LedgerReader.open_read_only(path) as reader:
-        check_rows(reader)
+        check_rows(reader, number)
+        check_nothing_newer(reader)
     assert path.read_bytes() == before
-    assert version(path) == 1
+    assert version(path) == number
 
 
-def test_a_report_that_is_open_while_a_robot_brings_it_up_to_date_reads_on(tmp_path: Path) -> None:
-    path = old_ledger(tmp_path)
+@VERSIONS
+def test_a_report_that_is_open_while_a_robot_brings_it_up_to_date_reads_on(tmp_path: Path, number: int) -> None:
+    path = old_ledger(tmp_path, number)
     with LedgerReader.open_read_only(path) as reader:
         with Ledger.open(path) as ledger:
-            check_rows(ledger)
-        check_rows(reader)
+            check_rows(ledger, number)
+        check_rows(reader, number)
 
 
 def test_a_ledger_that_cannot_be_brought_up_to_date_stays_whole(tmp_path: Path) -> None:
@@ -116,3 +88,26 @@ def test_a_ledger_that_cannot_be_brought_up_to_date_stays_whole(tmp_path: Path) 
         Ledger.open(path)
     assert version(path) == 1
     assert "measured" not in [column[1] for column in columns(path)["target"]]
+
+
+@VERSIONS
+def test_a_program_of_before_is_told_that_the_ledger_is_newer_than_itself(
+    tmp_path: Path, number: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path = old_ledger(tmp_path, number)
+    Ledger.open(path).close()
+    monkeypatch.setattr(database, "SCHEMA_VERSION", number)  # the check that both versions made already
+    for door in (Ledger.open, LedgerReader.open_read_only):
+        with pytest.raises(FileError, match=rf"schema 3, this one knows {number}\); update the program"):
+            door(path)
+    assert version(path) == SCHEMA_VERSION
+
+
+def test_an_old_ledger_whose_rows_break_the_rules_of_today_stays_as_it_is(tmp_path: Path) -> None:
+    path = old_ledger(tmp_path)
+    with sqlite3.connect(path) as raw:
+        raw.execute("UPDATE target SET sightings = 10000000")  # its weight would be beyond all measure
+    raw.close()
+    with pytest.raises(FileError, match=r"CHECK constraint failed: ripeness_weight.*keep the file for the records"):
+        Ledger.open(path)
+    assert version(path) == 1

@@ -25,13 +25,14 @@ from robot import safety
 from robot.calibration_file import load_rig
 from robot.clock import run_virtual
 from robot.config import Config
+from robot.control import Machine
 from robot.events import Bus
 from robot.ledger import LedgerReader
 from robot.ledger.records import ShotRow, Totals
 from robot.mission import FrameSeen, State, StateEntered, TargetSkipped, Trouble
 from robot.package_files import packaged
 from robot.report.evidence import Evidence, read_evidence
-from robot.runtime import ModeChanged, RunOptions, RunResult, ledger_path, run_robot
+from robot.runtime import ModeChanged, RunBegan, RunOptions, RunResult, ledger_path, run_robot
 from robot.runtime.devices import nominal_machine
 from robot.runtime.settings import load_arm, load_row
 from robot.targets import Target
@@ -51,13 +52,21 @@ class World:
     twin: Twin
     bus: Bus
     entered: Any = field(init=False)
+    began: Any = field(init=False)
 
     def __post_init__(self) -> None:
         self.entered = self.bus.subscribe(StateEntered)
+        self.began = self.bus.subscribe(RunBegan)
 
     @property
     def now_s(self) -> float:
         return asyncio.get_running_loop().time()
+
+    async def machine(self) -> Machine:
+        """Who takes orders, once every device has reported."""
+        machine: Machine = (await self.began.next()).machine
+        await asyncio.sleep(1.0)
+        return machine
 
     def suffer(self, command: Command) -> None:
         self.twin.apply(self.now_s, command)

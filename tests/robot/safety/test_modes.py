@@ -76,7 +76,7 @@ def test_no_verb_leads_from_the_mission_to_the_operator_or_back_without_a_rest()
 
 
 def test_arming_needs_every_device():
-    assert reasons_against_arming(SafetyState(), None, NOW_S) == ("not every device has reported yet",)
+    assert reasons_against_arming(SafetyState(), None, NOW_S, first=True) == ("not every device has reported yet",)
 
 
 @pytest.mark.parametrize("inputs", [None, replace(GOOD, estop_pressed=True)])
