@@ -21,7 +21,7 @@ BUSES = (
               Action.SAFE_STOP, Clear.ACKNOWLEDGED, "the coils as read"),
     FaultKind("F09", "relay board restarted during a shot", "read-back, flow meter", 1.0,
               Action.SAFE_STOP, Clear.ACKNOWLEDGED, "the target's fate: uncertain"),
-    FaultKind("F10", "valve leaks", "flow past the shut valve, by the meter's first count", 2.0,
+    FaultKind("F10", "valve leaks", "flow past the shut valve, by the meter's pulses", 2.0,
               Action.SAFE_STOP, Clear.ACKNOWLEDGED, "the litres that leaked"),
     FaultKind("F11", "a servo does not answer", "three misses, or 300 ms", 0.5,
               Action.SAFE_STOP, Clear.ACKNOWLEDGED, "the last posture"),

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import asyncio
+from unittest.mock import patch
 
 from drivers.relay.values import Channel
+from drivers.twin import hydraulics
 from drivers.twin.commands import ArmTorque, RelayAllOff, RelaySwitch, WheelsDrive, WheelsStop, WorldServoError
 from robot.ledger.values import Outcome
 from robot.mission import State
@@ -144,11 +146,20 @@ def board_restarted(stage: Stage) -> Seen:
     return judged(run, at_s, "is uncertain", kept="the target's fate: uncertain, booked in full")
 
 
-def leaking(stage: Stage) -> Seen:
-    """Its seat lets two per cent of the flow through."""
-    at_s = stage.moment(State.AIM, 0.5)
-    run = spray_row(stage.folder, faults=(f"valve:wrong@{at_s:.4f}s",), **SHORT)
-    return judged(run, at_s, "leak", leaked_ml=3.0, kept="the litres that leaked, to 3 ml")
+def leaking(share: float) -> Scenario:
+    """Its seat lets a share of the flow through. What still drips when the program has ended nobody can book."""
+
+    def scenario(stage: Stage) -> Seen:
+        at_s = stage.moment(State.AIM, 0.5, number=1)
+        with patch.object(hydraulics, "LEAK_SHARE", share):
+            run = spray_row(stage.folder, faults=(f"valve:wrong@{at_s:.4f}s",), **SHORT)
+            off_s = [e.t for e in last_process(run).events if e.what == "coil_off" and e.detail["channel"] == "contactor"]
+            assert off_s[0] - run.latched_s <= 0.2
+            assert run.totals.leaked_ml > 0.0
+            assert run.totals.booked_ml >= run.twin.dispensed_ml
+            return judged(run, at_s, "the valve leaks", leaked_ml=150.0 * share, kept="the litres that leaked")
+
+    return scenario
 
 
 def rolling_on(share: float) -> Scenario:
@@ -203,7 +214,7 @@ BUSES: Scenarios = {
         "another master, while it stands": another_master(State.STOP, "though nobody opened it [F08]"),
     },
     "F09": {"": board_restarted},
-    "F10": {"": leaking},
+    "F10": {"two per cent": leaking(0.02), "ten per cent": leaking(0.1)},
     "F11": {
         "while it aims": failing("arm:off", State.AIM, 0.5, "arm", "[F11]", kept="the last posture"),
         "while it drives": failing("arm:off", State.MOVE, 0.5, "arm", "[F11]", kept="the last posture"),
