@@ -134,6 +134,7 @@ class Actuation:
         self._readings.take_arm(await self._arm.state())
         if not self._readings.arm_settled:
             self._liquid.interrupt("the arm moved")
+        await self._watch()
 
     async def poll_relay(self) -> None:
         """Read the coils back and renew the pump's lease; leaves the bus alone while a shot is under way."""

@@ -14,6 +14,7 @@ from drivers.twin.commands import WheelsDrive, WheelsStop, WorldEstop
 from robot import safety
 from robot.actuation import Actuation, Refused
 from robot.clock import run_virtual
+from robot.commands.run import single_error
 from robot.ledger import LedgerReader
 from robot.mission import State
 from robot.runtime import ledger_path
@@ -134,7 +135,7 @@ def pressed_before_the_start(stage: Stage) -> Seen:
 
     with pytest.raises(ExceptionGroup) as caught:
         spray_row(stage.folder, meddler=press, **SHORT)
-    assert "the e-stop" in str(caught.value.exceptions[0])
+    assert "the e-stop" in str(single_error(caught.value))
     with LedgerReader.open_read_only(ledger_path(stage.folder / "run")) as ledger:
         stopped = [event for event in ledger.events() if event.kind == "mode"]
     assert stopped[0].text.startswith("estop")
