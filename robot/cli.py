@@ -24,6 +24,7 @@ from robot.commands.home import home
 from robot.commands.jog import app as jog
 from robot.commands.report import report
 from robot.commands.run import run
+from robot.commands.soak import soak
 from robot.commands.spray import spray
 from robot.commands.trace import trace
 from robot.errors import BusyError, FileError, SprayerError, UnavailableError, UsageError
@@ -43,6 +44,7 @@ app.add_typer(calibrate, name="calibrate")
 app.add_typer(config, name="config")
 app.add_typer(gps, name="gps")
 app.add_typer(jog, name="jog")
+app.command()(soak)
 app.command()(spray)
 app.command()(trace)
 arm.command("home")(home)

@@ -76,6 +76,11 @@ class Servos:
             (servo.profile + zero, servo.profile_speed) for servo, zero in zip(self._servos, self._zero, strict=True)
         )
 
+    @property
+    def speeds_rad_s(self) -> tuple[float, ...]:
+        """How fast each joint truly turns."""
+        return tuple(servo.speed for servo in self._servos)
+
     def advance(self, t_s: float) -> float | None:
         """Integrate to ``t_s``; when the arm came to rest on the way, the moment it did."""
         steps = math.floor(t_s / STEP_S + 1e-9)

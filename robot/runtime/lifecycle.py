@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import asyncio
 import uuid
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from contextlib import AsyncExitStack
 from dataclasses import dataclass, field
-from datetime import UTC, datetime
+from datetime import datetime
 from pathlib import Path
 
 import cv2
@@ -21,7 +21,7 @@ from robot.config import Config
 from robot.errors import BusyError, ConfigError, FileError, UnavailableError, UsageError
 from robot.events import Bus
 from robot.geometry import Pose2
-from robot.ledger import Ledger
+from robot.ledger import Ledger, wall_clock
 from robot.ledger.values import Checkpoint, Dangling, Task
 from robot.mission import Localiser, Mission, MissionContext, MissionSettings, Progress, State, Trouble
 from robot.runtime.backends import BuildOptions, build_devices, needs_twin, require_timed_pulses, watched
@@ -98,12 +98,13 @@ def frames_folder(folder: Path) -> Path:
 
 async def run_robot(
     config: Config, options: RunOptions, bus: Bus, *, detector: Detector | None = None, twin: Twin | None = None,
-    signals: StopSignals | None = None,
+    signals: StopSignals | None = None, utc: Callable[[], datetime] = wall_clock,
 ) -> RunResult:  # fmt: skip
     """One life of the robot, from boot to shutdown. SIGINT and SIGTERM end it clean.
 
     ``detector`` and ``twin`` (the simulated machine, which is closed at the end) stand in for those that the
-    configuration would have made. ``signals`` hears SIGINT and SIGTERM already, and goes on after the run.
+    configuration would have made. ``signals`` hears SIGINT and SIGTERM already, and goes on after the run. ``utc`` is the
+    wall clock, which dates rows of the ledger and measures nothing.
     Raises ``SprayerError`` for what keeps it from coming up; a mission that was stopped is a result, not an error.
     """
     arm_model, urdf_text = load_arm(config, options.config_path)
@@ -119,7 +120,7 @@ async def run_robot(
     async with AsyncExitStack() as stack:
         signals = signals or stack.enter_context(StopSignals())
         _make_folder(options.folder)
-        ledger = stack.enter_context(Ledger.open(ledger_path(options.folder)))
+        ledger = stack.enter_context(Ledger.open(ledger_path(options.folder), utc))
         if options.resume:
             task_to_resume(ledger, todays_task)
         if twin is None and needs_twin(config):
@@ -145,8 +146,8 @@ async def run_robot(
             require_timed_pulses(devices.relay.capability, config.dosing.max_pulse_s)
         cv2.setNumThreads(1)  # a second core makes vision hardly faster, and the drivers' threads need it
         detector = detector or make_detector(config.vision.detector)
-        ledger.begin_run(uuid.uuid4().hex, datetime.now(UTC))
-        dangling = ledger.book_dangling(datetime.now(UTC))
+        ledger.begin_run(uuid.uuid4().hex, utc())
+        dangling = ledger.book_dangling(utc())
         settings = mission_settings(config, row, arm_model)
         robot = _Robot(config, options, bus, ledger, devices, settings, signals)
         task_id = robot.open_task(todays_task) if options.start else None
