@@ -71,7 +71,7 @@ class RowGrower:
         return RowOfPlants(self.number, config, twin, self._renderer)
 
     def _config(self, rng: np.random.Generator) -> Config:
-        length_m = round(float(rng.uniform(1.5, 5.0)), 2)
+        length_m = round(float(rng.uniform(6.0, 14.0)), 2)
         stops_m = [round(x, 3) for x in np.arange(FIRST_STOP_M, length_m - FIRST_STOP_M, SPACING_M).tolist()]
         route = self._folder / "route.toml"
         route.write_text(

@@ -10,8 +10,8 @@ import numpy as np
 from drivers.twin import commands as c
 from drivers.twin.faults import DEVICES, VALVE_VERBS, Fault, FaultPlan, Verb
 
-LIFE_S = 200.0        # a row takes about so long: where in it things happen
-MEAN_FAULTS, MEAN_MISHAPS = 0.7, 0.55
+LIFE_S = 260.0        # a row takes about so long: where in it things happen
+MEAN_FAULTS, MEAN_MISHAPS = 1.0, 0.9
 AT_BOOT_SHARE = 0.08
 LENGTHS_S = ((0.05, 0.6), (0.6, 5.0), (5.0, 40.0))  # a blip, a hiccup, an outage
 

@@ -8,7 +8,7 @@ from robot.soak.values import Line
 from robot.safety.timing import BASE_STILL_M_S, FRAME_MOTION_MAX_M
 
 COUNT_M = 0.001   # of the wheel counters' last digit and noise
-SETTLED_RAD_S = 0.05  # a joint that has been within its tolerance long enough creeps slower
+SETTLED_RAD_S = 0.15  # a joint that has been within 12 mrad of its goal for 0.1 s creeps slower
 TURNED_RAD = 0.02  # more than a settled joint creeps while it sprays
 
 
