@@ -10,8 +10,8 @@ from robot.safety import Mode
 from robot.soak.life import LifeEnd
 
 RESTART_S = (3.0, 8.0)        # the service manager, where nobody is needed
-TROUBLE_S = (60.0, 420.0)     # until somebody has come, looked, and acknowledged
-NEXT_ROW_S = (180.0, 480.0)   # to the next row, with the tank filled again
+TROUBLE_S = (60.0, 600.0)     # until somebody has come, looked, and acknowledged
+NEXT_ROW_S = (300.0, 780.0)   # to the next row, with the tank filled again
 LEAST_TANK_ML = 3000.0
 MOST_TRIES = 6                # at one row that never gets done: then it is left
 
