@@ -7,10 +7,11 @@ from collections.abc import Sequence
 import numpy as np
 import numpy.typing as npt
 
+from drivers.twin.canvas import Picture
 from drivers.twin.light import Light, light_at
 from drivers.twin.optics import StereoOptics
 from drivers.twin.plants import grow
-from drivers.twin.renderer import DEFAULT_EXPOSURE_S, Picture, StereoRenderer
+from drivers.twin.renderer import DEFAULT_EXPOSURE_S, StereoRenderer
 from drivers.twin.scene import Scene
 from drivers.twin.sightings import FruitView
 from drivers.twin.solids import Capsule

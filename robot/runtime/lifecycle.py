@@ -103,8 +103,8 @@ async def run_robot(
     """One life of the robot, from boot to shutdown. SIGINT and SIGTERM end it clean.
 
     ``detector`` and ``twin`` (the simulated machine, which is closed at the end) stand in for those that the
-    configuration would have made. ``signals`` hears SIGINT and SIGTERM already, and goes on after the run. ``utc`` is the
-    wall clock, which dates rows of the ledger and measures nothing.
+    configuration would have made. ``signals`` hears SIGINT and SIGTERM already, and goes on after the run. ``utc`` is
+    the wall clock, which dates rows of the ledger and measures nothing.
     Raises ``SprayerError`` for what keeps it from coming up; a mission that was stopped is a result, not an error.
     """
     arm_model, urdf_text = load_arm(config, options.config_path)

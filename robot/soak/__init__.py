@@ -1,4 +1,4 @@
-"""Days of work in minutes: the whole robot on its simulated machine, everything that goes wrong, every property watched."""
+"""Days of work in minutes: the whole robot on its simulated machine, all that goes wrong, every property watched."""
 
 from robot.soak.report import as_text
 from robot.soak.soak import Soak, SoakOptions, SoakResult, Tally

@@ -5,6 +5,7 @@ from __future__ import annotations
 import tomllib
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -79,7 +80,7 @@ class RowGrower:
             f"stops_m = {stops_m}\n",
             encoding="utf-8",
         )
-        raw = {name: dict(section) for name, section in self._raw.items()}
+        raw: dict[str, Any] = {name: dict(section) for name, section in self._raw.items()}
         raw["twin"] |= {"seed": int(rng.integers(MAX_SEED)), "fruits_per_plant": round(float(rng.uniform(2.0, 6.0)), 2)}
         raw["navigation"] |= {"route": str(route.resolve())}
         return Config(**raw)

@@ -19,7 +19,7 @@ from robot.mission import ShotDone, State
 from robot.runtime import RunOptions, RunResult, StopSignals, ledger_path, run_robot
 from robot.soak.composition import RowOfPlants, config_path
 from robot.soak.machine_line import MachineLine
-from robot.soak.misfortunes import Kind, Mishap, Misfortunes
+from robot.soak.misfortunes import Kind, Misfortunes, Mishap
 from robot.soak.monitors import Bench
 from robot.soak.values import Line
 from robot.soak.watch import Watch, WatchedBus

@@ -8,7 +8,6 @@ from drivers.relay.values import Channel
 from drivers.twin.faults import Verb
 from drivers.twin.machine import Twin
 
-
 FORGOTTEN_S = 900.0  # beyond that no fault of the past shows
 
 

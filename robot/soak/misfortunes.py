@@ -98,7 +98,8 @@ def _mishap(rng: np.random.Generator) -> Mishap:
                 done.append((float(rng.uniform(0.05, 3.0)), c.WorldEstop(False)))
             return Mishap(kind, at_s, tuple(done))
         case Kind.BUMPER:
-            return Mishap(kind, at_s, ((0.0, c.WorldBumper(True)), (float(rng.uniform(0.1, 3.0)), c.WorldBumper(False))))
+            free_s = float(rng.uniform(0.1, 3.0))
+            return Mishap(kind, at_s, ((0.0, c.WorldBumper(True)), (free_s, c.WorldBumper(False))))
         case Kind.SHOVE:
             x_m, y_m, turn_rad = rng.normal(0.0, (0.05, 0.02, 0.01))
             return Mishap(kind, at_s, ((0.0, c.WorldPush(float(x_m), float(y_m), float(turn_rad))),))

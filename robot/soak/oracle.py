@@ -1,4 +1,4 @@
-"""A detector that reads the twin's truth: with noise, with fruit that it overlooks, and with fruit that is not there."""
+"""A detector that reads the twin's truth, with noise, with fruit that it overlooks, and fruit that is not there."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ class Errors:
 
 
 class TruthReader:
-    """Implements ``robot.vision.detector.Detector``. What it says of a frame depends on the frame's pose and the seed."""
+    """Implements ``robot.vision.detector.Detector``. What it says depends on the pose and the seed."""
 
     def __init__(self, renderer: BlindRenderer, fruits: Sequence[TwinFruit], seed: int, errors: Errors) -> None:
         self._renderer, self._fruits, self._errors = renderer, tuple(fruits), errors
@@ -66,7 +66,10 @@ class TruthReader:
     def _seen(self, fruit: TwinFruit, centre_m: Array, hidden: bool, rig: StereoRig) -> Fruit | None:
         return self._fruit(centre_m, fruit.diameter_m, Ripeness(fruit.ripeness), hidden, rig)
 
-    def _fruit(self, true_m: Array, true_diameter_m: float, ripeness: Ripeness, hidden: bool, rig: StereoRig) -> Fruit | None:
+    def _fruit(
+        self, true_m: Array, true_diameter_m: float, ripeness: Ripeness, hidden: bool, rig: StereoRig
+    ) -> Fruit | None:
+        """None where it is not wholly in both pictures."""
         centre_m = true_m + self._rng.normal(0.0, self._errors.place_m)
         pixels = rig.project_left([centre_m])[0], rig.project_right([centre_m])[0]
         width, height = rig.image_size

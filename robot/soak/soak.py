@@ -1,4 +1,4 @@
-"""Days of the robot's work in minutes: row after row, with everything that goes wrong, under the eyes of the monitors."""
+"""Days of the robot's work in minutes: row after row, with all that goes wrong, under the eyes of the monitors."""
 
 from __future__ import annotations
 

@@ -36,7 +36,7 @@ class Violation:
 
 @dataclass(frozen=True, slots=True)
 class Rules:
-    """What the machine under watch was configured to keep to. ``None`` for a caliper that is not to be used."""
+    """What the machine under watch is configured to keep to."""
 
     max_pulse_s: float
     max_shot_ml: float

@@ -79,7 +79,7 @@ class Account(Monitor):
         booked_ml = self.court.ledger.booked_ml - self._life_booked_ml
         true_ml = self._obeyed_ml() - self._life_true_ml
         if self.court.clean and true_ml > FAULTLESS_FROM_ML and booked_ml > (1.0 + FAULTLESS_SHARE) * true_ml:
-            self.court.report("P9", f"a life without faults booked {booked_ml:.2f} ml, {true_ml:.2f} ml left the nozzle")
+            self.court.report("P9", f"a life without faults booked {booked_ml:.2f} ml, {true_ml:.2f} ml were sprayed")
 
     @property
     def all_true_ml(self) -> float:

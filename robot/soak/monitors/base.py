@@ -19,9 +19,10 @@ KEPT_LINES = 40
 class Court:
     """What all monitors may look at, and where they report.
 
-    ``mode`` is what the robot says of itself, DISARMED where a life begins; ``left_s`` when it last left AUTO or MANUAL,
-    ``latched_s`` when it last was stopped, None before; ``killed_s`` when the process was killed, None while it lives.
-    ``clean`` is a life in which nothing was done to the machine.
+    ``mode`` is what the robot says of itself, DISARMED where a life begins; ``left_s`` when it last left AUTO or
+    MANUAL, ``latched_s`` when it last was stopped, ``killed_s`` when the process was killed; None before.
+    ``clean`` is a life in which nothing was done to the machine; ``resume_asked`` whether a person asked for the resume
+    that may come.
     """
 
     truth: MachineTruth
@@ -31,6 +32,7 @@ class Court:
     life: int = 0
     mode: Mode = Mode.DISARMED
     clean: bool = True
+    resume_asked: bool = False
     left_s: float | None = None
     latched_s: float | None = None
     killed_s: float | None = None

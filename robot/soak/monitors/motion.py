@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
+from robot.safety.timing import BASE_STILL_M_S, FRAME_MOTION_MAX_M
 from robot.soak.monitors.base import Court, Monitor
 from robot.soak.monitors.openings import is_valve_pulse
 from robot.soak.values import Line
-from robot.safety.timing import BASE_STILL_M_S, FRAME_MOTION_MAX_M
 
 COUNT_M = 0.001   # of the wheel counters' last digit and noise
 SETTLED_RAD_S = 0.15  # a joint that has been within 12 mrad of its goal for 0.1 s creeps slower
@@ -21,9 +21,9 @@ class Motion(Monitor):
     """P4: as the true valve opens and as it shuts, the faster wheel turns no faster than what counts as standstill, and
     no command to drive is given while it is open. A shove of the whole rover is the world's, not the machine's.
 
-    P5: as the frame that opens the valve is sent no joint truly turns faster than it creeps at its goal, and the wheels have rolled no more than 5 mm since
-    the exposure of the last frame; no goal is given to the arm while the valve is open, and no joint turns. Not of an
-    arm whose servos have lost their torque or lie about their angle.
+    P5: as the frame that opens the valve is sent no joint truly turns faster than it creeps at its goal, and the wheels
+    have rolled no more than 5 mm since the exposure of the last frame; no goal is given to the arm while the valve is
+    open, and no joint turns. Not of an arm whose servos have lost their torque or lie about their angle.
     """
 
     names = ("P4", "P5")

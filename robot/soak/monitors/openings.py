@@ -26,9 +26,9 @@ class Openings(Monitor):
     P2: from ``coil_on`` to ``coil_off`` no longer than min(1.2 x the commanded opening + 100 ms, the longest pulse),
     whatever became of the host. Not of a relay board whose contacts are stuck.
 
-    P3: an opening that a stop interrupts is over within the close deadline (the worst is kept in ``worst_stop_s``) where
-    the relay line is sound, else within the board's pulse; after a life the valve is shut. Not of a valve that is stuck
-    or slow itself, nor of stuck contacts.
+    P3: an opening that a stop interrupts is over within the close deadline (``worst_stop_s`` is the worst) where the
+    relay line is sound, else within the board's pulse; after a life the valve is shut. Not of a valve that is stuck or
+    slow itself, nor of stuck contacts.
 
     P10: each intent has at most one opening; no intent row is lost or doubled by a restart.
 
@@ -78,7 +78,7 @@ class Openings(Monitor):
             return
         sound = self._board_sound and self.court.truth.sound("relay", 5.0)
         if sound and abs(lasted_s - wanted_s) > 0.02 * wanted_s + 0.05 and lasted_s < 0.99 * result.intent.pulse_s:
-            self.court.report("P22", f"{wanted_s:.3f} s were ordered and booked as whole, the coil was on {lasted_s:.3f} s")
+            self.court.report("P22", f"booked as a whole {wanted_s:.3f} s, the coil was on for {lasted_s:.3f} s")
 
     def end(self) -> None:
         truth = self.court.truth

@@ -13,7 +13,7 @@ from robot.soak.monitors.openings import LATE_S, NOT_WELDED
 from robot.soak.values import Line
 
 ON_ITS_WAY_S = 0.1   # T_ESTOP_SW: a frame that was sent before the stop may still be answered
-INPUT_S = 0.3        # from the button to the robot's word: the period of the inputs' poll, their round trip, and a spare
+INPUT_S = 0.3        # from the button to the robot's word: the inputs' poll, their round trip, and a spare
 SILENT_S = 1.0       # where the inputs do not answer, until their silence stops the machine
 RESUME_M = 0.2
 _LATCH_EXITS = {
@@ -41,9 +41,10 @@ class Permission(Monitor):
 
     P14: after the stop no more leaves the nozzle than flows until the valve must be shut.
 
-    P16: a latched mode is left for DISARMED only (or a worse latch), a latched e-stop only with the button released.
+    P16: a latched mode is left for DISARMED only (or a worse latch), a latched e-stop only with the button released
+    (300 ms after its press the robot must know of it, where the inputs are sound).
 
-    P17: from PAUSED back to AUTO only where the base has not moved more than 0.2 m.
+    P17: from PAUSED back to AUTO only where a person asked for it, or the base has not moved more than 0.2 m.
 
     P18: none from boot until the machine has been armed and started. Lamp, beacon and main contactor do not act.
     """
@@ -55,7 +56,8 @@ class Permission(Monitor):
         self.worst_estop_s = 0.0
         self._started = False
         self._acknowledged = False
-        self._pressed_s: float | None = None
+        self._pressed_s: float | None = None  # and not latched yet
+        self._button_s: float | None = None   # and not released yet
         self._stopped_ml = 0.0
         self._paused_xy_m = (0.0, 0.0)
 
@@ -67,7 +69,7 @@ class Permission(Monitor):
     def line(self, line: Line) -> None:
         court = self.court
         if line.what == "world estop":
-            self._pressed_s = line.t_s if line.detail["pressed"] else None
+            self._pressed_s = self._button_s = line.t_s if line.detail["pressed"] else None
         if court.mode in ACTING or not acts(line):
             return
         if not self._started:
@@ -91,8 +93,10 @@ class Permission(Monitor):
             self._stopped_ml = court.truth.dispensed_ml
         if before in LATCHED and after not in _LATCH_EXITS[before]:
             court.report("P16", f"{before} was left for {after}")
-        if before is Mode.ESTOP and after is Mode.DISARMED and court.truth.estop_pressed:
-            court.report("P16", "the e-stop was reset with its button pressed")
+        if before is Mode.ESTOP and after is Mode.DISARMED and self._button_s is not None:
+            held_s = court.t_s - self._button_s
+            if held_s > INPUT_S and court.truth.sound("inputs", 5.0):
+                court.report("P16", f"the e-stop was reset with its button pressed for {held_s:.2f} s")
         if after is Mode.ESTOP:
             self._latched_estop()
         self._pause(before, after)
@@ -128,8 +132,9 @@ class Permission(Monitor):
             self._paused_xy_m = here
         elif before is Mode.PAUSED and after is Mode.AUTO:
             moved_m = math.dist(here, self._paused_xy_m)
-            if moved_m > RESUME_M:
-                self.court.report("P17", f"resumed {moved_m:.2f} m from where it was paused")
+            if moved_m > RESUME_M and not self.court.resume_asked:
+                self.court.report("P17", f"resumed by itself {moved_m:.2f} m from where it was paused")
+            self.court.resume_asked = False
 
 
 class Leases(Monitor):
