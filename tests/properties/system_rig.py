@@ -1,4 +1,4 @@
-"""The mock rover with its upkeep, its ledger and every monitor, one step at a time in virtual time; killed and booted."""
+"""The mock rover with upkeep, ledger and every monitor, step by step in virtual time; killed and booted at will."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ from robot.navigation import Row
 from robot.package_files import packaged
 from robot.runtime import ModeChanged, ledger_path
 from robot.runtime.backends import BuildOptions, build_devices
-from robot.runtime.devices import Devices, nominal_machine
+from robot.runtime.devices import nominal_machine
 from robot.runtime.settings import dose_settings, load_arm, load_camera, load_row, task
 from robot.runtime.upkeep import Upkeep
 from robot.soak.composition import rules_of
@@ -286,7 +286,10 @@ class SystemRig:
         self.do(as_its_own())
 
     def cancel_all(self) -> None:
-        """Whoever waits for something no longer does."""
+        """Whoever waits for something no longer does; a valve that was opened for them must shut."""
+        if any(not task_.done() for task_ in self._doing):
+            self.court.t_s = max(self.court.t_s, self.now_s)
+            self.openings.must_shut()
         for task_ in self._doing:
             task_.cancel()
 
@@ -338,7 +341,8 @@ class SystemRig:
 
     async def settle_arm(self, by_rad: float = 0.0) -> None:
         hands = self.hands
-        assert hands is not None and hands.joints_rad is not None
+        assert hands is not None
+        assert hands.joints_rad is not None
         here = hands.joints_rad
         await hands.move_arm(gentle(here, (here[0] + by_rad, *here[1:]), 0.2 if by_rad == 0.0 else 0.6))
 

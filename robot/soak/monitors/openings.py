@@ -24,11 +24,11 @@ class Openings(Monitor):
     beside the robot), and the frame's pulse is no longer than the intent's.
 
     P2: from ``coil_on`` to ``coil_off`` no longer than min(1.2 x the commanded opening + 100 ms, the longest pulse),
-    whatever became of the host. Not of a relay board whose contacts are stuck.
+    whatever became of the host; and it is never switched on without a timer. Not of a board whose contacts are stuck.
 
-    P3: an opening that a stop interrupts is over within the close deadline (``worst_stop_s`` is the worst) where the
-    relay line is sound, else within the board's pulse; after a life the valve is shut. Not of a valve that is stuck or
-    slow itself, nor of stuck contacts.
+    P3: an opening that a stop interrupts, or that nobody waits for any more, is over within the close deadline
+    (``worst_stop_s`` is the worst) where the relay line is sound, else within the board's pulse; after a life the valve
+    is shut. Not of a valve that is stuck or slow itself, nor of stuck contacts.
 
     P10: each intent has at most one opening; no intent row is lost or doubled by a restart.
 
@@ -58,6 +58,8 @@ class Openings(Monitor):
     def line(self, line: Line) -> None:
         if is_valve_pulse(line):
             self._ordered(line)
+        elif line.what == "relay switch" and line.detail["on"] and line.detail["channel"] == Channel.VALVE.value:
+            self.court.report("P2", "the valve was switched on for good: no timer of the board ends that")
         elif line.what == "coil_on" and line.detail["channel"] == Channel.VALVE.value:
             self._on_s = line.t_s
             self._board_sound = self.court.truth.sound("relay", 5.0)
@@ -67,8 +69,13 @@ class Openings(Monitor):
             self._shut(line.t_s)
 
     def mode(self, before: Mode, after: Mode) -> None:
+        if after in LATCHED and before not in LATCHED:
+            self.must_shut()
+
+    def must_shut(self) -> None:
+        """From this moment on the valve has no reason to be open."""
         truth = self.court.truth
-        if after in LATCHED and before not in LATCHED and (truth.valve_open or truth.coil(Channel.VALVE)):
+        if self._stop_s is None and (truth.valve_open or truth.coil(Channel.VALVE)):
             self._stop_s = self.court.t_s
 
     def booked(self, result: ResultSeen) -> None:
@@ -77,7 +84,7 @@ class Openings(Monitor):
         if self._intent is None or result.intent.id != self._intent.id or result.outcome != "sprayed":
             return
         sound = self._board_sound and self.court.truth.sound("relay", 5.0)
-        if sound and abs(lasted_s - wanted_s) > 0.02 * wanted_s + 0.05 and lasted_s < 0.99 * result.intent.pulse_s:
+        if sound and abs(lasted_s - wanted_s) > 0.02 * wanted_s + 0.05:
             self.court.report("P22", f"booked as a whole {wanted_s:.3f} s, the coil was on for {lasted_s:.3f} s")
 
     def end(self) -> None:

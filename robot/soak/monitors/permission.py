@@ -97,7 +97,7 @@ class Permission(Monitor):
             held_s = court.t_s - self._button_s
             if held_s > INPUT_S and court.truth.sound("inputs", 5.0):
                 court.report("P16", f"the e-stop was reset with its button pressed for {held_s:.2f} s")
-        if after is Mode.ESTOP:
+        if after in LATCHED:
             self._latched_estop()
         self._pause(before, after)
 
