@@ -42,7 +42,7 @@ from robot.soak.composition import rules_of
 from robot.soak.life import WallClock
 from robot.soak.machine_line import MachineLine
 from robot.soak.machine_truth import MachineTruth
-from robot.soak.monitors import Account, Bench, Court, Leases, Liveness, Motion, Openings, Permission
+from robot.soak.monitors import ACTING, Account, Bench, Court, Leases, Liveness, Motion, Openings, Permission
 from robot.soak.watch import Watch, WatchedBus
 from tests.robot.machine import a_target, gentle
 
@@ -154,6 +154,9 @@ class SystemRig:
 
         def told(state: safety.SafetyState) -> None:
             bus.publish(ModeChanged(state.mode, state.causes, loop.time()))
+            if state.mode not in ACTING:  # as the mission does with its state's task
+                for task_ in self._doing:
+                    task_.cancel()
 
         config = self.parts.config
         async with AsyncExitStack() as stack:
