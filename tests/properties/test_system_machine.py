@@ -172,6 +172,6 @@ class RoverInTrouble(RuleBasedStateMachine):
 
 TestRoverInTrouble = RoverInTrouble.TestCase
 TestRoverInTrouble.settings = settings(
-    max_examples=EXAMPLES, stateful_step_count=9, deadline=None, suppress_health_check=list(HealthCheck),
+    max_examples=EXAMPLES, stateful_step_count=8, deadline=None, suppress_health_check=list(HealthCheck),
     phases=(Phase.explicit, Phase.reuse, Phase.generate),  # shrinking runs for minutes; the monitors tell the story
 )
