@@ -86,18 +86,19 @@ class Life:
         self._killed_s = 0.0
         self._shots = 0
 
-    def run(self, resume: bool) -> LifeEnd:
-        """From here to the end; exceptions that are defects are reported to the court as "tasks"."""
+    def run(self, resume: bool, most_s: float) -> LifeEnd:
+        """From here to the end, or until it is told to end (SIGTERM) after ``most_s``; exceptions that are defects are
+        reported to the court as "tasks"."""
         self._loop.set_exception_handler(self._unheard)
         self._wall.runs_by(lambda: self._watch.origin_s + self._loop.time())
         self._watch.listeners.append(self._listen)
         try:
             with asyncio.Runner(loop_factory=lambda: self._loop) as runner:
-                return runner.run(self._live(resume))
+                return runner.run(self._live(resume, most_s))
         finally:
             self._watch.listeners.remove(self._listen)
 
-    async def _live(self, resume: bool) -> LifeEnd:
+    async def _live(self, resume: bool, most_s: float) -> LifeEnd:
         bus = WatchedBus(self._bench, self._watch.origin_s, lambda: not self._line.cut)
         done = bus.subscribe(ShotDone)
         options = RunOptions(config_path(), self._folder, start=True, resume=resume, truth=None)
@@ -108,7 +109,10 @@ class Life:
             ),
             name="robot",
         )  # fmt: skip
-        others = [asyncio.create_task(self._happen(mishap)) for mishap in self._misfortunes.mishaps]
+        closing_time = Mishap(Kind.TERMINATED, most_s)
+        others = [
+            asyncio.create_task(self._happen(mishap)) for mishap in (*self._misfortunes.mishaps, closing_time)
+        ]  # fmt: skip
         try:
             await asyncio.wait((robot, self._killed), return_when=asyncio.FIRST_COMPLETED, timeout=LONGEST_LIFE_S)
         except asyncio.CancelledError:  # Ctrl-C: the robot goes down clean, then the soak ends

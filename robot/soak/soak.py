@@ -126,7 +126,8 @@ class Soak:
         life = Life(
             self._row, self._detector, self._folder, after_kill, drawn, self._watch, self._bench, self._wall
         )  # fmt: skip
-        end = life.run(resume=self._court.ledger.tasks > self._tasks_before)
+        left_s = self._options.hours * HOUR_S - self._now_s
+        end = life.run(resume=self._court.ledger.tasks > self._tasks_before, most_s=left_s)
         self._row.twin.advance(end.lasted_s)
         if end.killed:
             self._move_into(after_kill)

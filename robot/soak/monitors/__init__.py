@@ -8,5 +8,15 @@ from robot.soak.monitors.openings import Openings
 from robot.soak.monitors.permission import Leases, Permission
 
 __all__ = [
-    "ACTING", "LATCHED", "Account", "Bench", "Court", "Leases", "Liveness", "Monitor", "Motion", "Openings", "Permission",
-]  # fmt: skip
+    "ACTING",
+    "LATCHED",
+    "Account",
+    "Bench",
+    "Court",
+    "Leases",
+    "Liveness",
+    "Monitor",
+    "Motion",
+    "Openings",
+    "Permission",
+]
