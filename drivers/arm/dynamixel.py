@@ -100,10 +100,11 @@ class DynamixelArm:
         if self._following:
             raise DeviceRefused(DEVICE, "one trajectory at a time", "a second one", "wait for the first, or hold()")
         self._following = True
+        self._turn += 1
+        turn = self._turn  # taken before anything is awaited: a stop from here on ends it
         try:
             self._check(await self.state(), trajectory)
-            self._turn += 1
-            await self._stream(trajectory, self._turn)
+            await self._stream(trajectory, turn)
         finally:
             self._following = False
 
