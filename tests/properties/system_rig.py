@@ -36,6 +36,7 @@ from robot.package_files import packaged
 from robot.runtime import ModeChanged, ledger_path
 from robot.runtime.backends import BuildOptions, build_devices
 from robot.runtime.devices import nominal_machine
+from robot.runtime.resuming import given_before
 from robot.runtime.settings import dose_settings, load_arm, load_camera, load_row, task
 from robot.runtime.upkeep import Upkeep
 from robot.soak.composition import rules_of
@@ -182,12 +183,8 @@ class SystemRig:
             self._task_id = self.ledger.begin_task(task(self.parts.config, self.parts.row))
             targets = [replace(a_target(number), id=number) for number in range(1, TARGETS + 1)]
             self.ledger.upsert_targets(self._task_id, targets)
-        given_ml: dict[int, float] = {}
-        for shot in self.ledger.shots(self._task_id):
-            booked_ml = shot.result.booked_ml if shot.result else shot.intent.full_ml
-            given_ml[shot.intent.target_id] = given_ml.get(shot.intent.target_id, 0.0) + booked_ml
-        total_ml = sum(given_ml.values())
-        hands.begin_task(self._task_id, fill_ml - total_ml, total_ml, given_ml)
+        given = given_before(self.ledger, self._task_id, self.wall.utc(), self.loop.time())
+        hands.begin_task(self._task_id, fill_ml - given.task_ml, given)
 
     def shut_down(self) -> None:
         """The process ends as SIGTERM makes it: clean."""
