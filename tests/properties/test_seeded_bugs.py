@@ -13,7 +13,6 @@ from drivers.relay.mock import MockRelay
 from drivers.relay.values import Channel, PulseReceipt
 from drivers.twin import commands as c
 from robot import safety
-from robot.actuation import Actuation
 from robot.actuation.readings import Readings
 from robot.cli import run_command
 from robot.ledger import Ledger
@@ -102,10 +101,12 @@ def plain_on(patch: pytest.MonkeyPatch, _rig: SystemRig) -> None:
 
 
 def estop_ignored(patch: pytest.MonkeyPatch, _rig: SystemRig) -> None:
-    async def nothing(self: Actuation, cause: str) -> tuple[()]:
-        return ()
+    look = safety.watch
 
-    patch.setattr(Actuation, "emergency_stop", nothing)
+    def blindly(state: safety.SafetyState, inputs: safety.Inputs, *rest):
+        return look(state, replace(inputs, estop_pressed=False), *rest)
+
+    patch.setattr(safety, "watch", blindly)
 
 
 def cap_ignored(patch: pytest.MonkeyPatch, _rig: SystemRig) -> None:
@@ -140,7 +141,9 @@ def outcome_booked_short(patch: pytest.MonkeyPatch, _rig: SystemRig) -> None:
     write = Ledger.write_result
     patch.setattr(
         Ledger, "write_result",
-        lambda self, intent_id, result: write(self, intent_id, replace(result, booked_ml=0.5 * result.booked_ml)),
+        lambda self, intent_id, result, *rest: write(
+            self, intent_id, replace(result, booked_ml=0.5 * result.booked_ml), *rest
+        ),
     )  # fmt: skip
 
 
