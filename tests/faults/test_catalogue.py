@@ -19,7 +19,7 @@ SHOWN_ELSEWHERE = {
     "F30": ("tests/robot/test_stall.py", "test_a_blocked_loop_is_stopped_from_the_thread_and_told"),
     "F31": ("tests/e2e/test_manager.py", "test_a_process_that_stands_still_pets_nobody"),
     "F39": ("tests/robot/ledger/test_disk.py", "test_every_write_is_timed_and_a_slow_disk_is_named"),
-    "F40": ("tests/robot/test_logs.py", "test_a_fault_that_repeats_ten_thousand_times_leaves_ten_lines_and_their_count"),
+    "F40": ("tests/robot/test_logs.py", "test_a_fault_that_repeats_ten_thousand_times_leaves_ten_lines"),
     "F70n": ("tests/robot/control/test_socket.py", "test_a_stop_comes_through_while_slow_clients_hold_on"),
 }
 """What these need (threads, systemd's socket, slow disks, many clients) has its own place."""
