@@ -13,13 +13,16 @@ WIRES   := tests/contract tests/drivers $(wildcard tests/e2e/test_emulated*.py)
 CORES   := $(shell nproc)
 WORKERS ?= $(shell echo $$(($(CORES) * 3 / 2)))
 
-.PHONY: help demo test test-peers test-long check bench bench-vision train clean
+HOURS  ?= 72
+
+.PHONY: help demo test test-peers test-long soak check bench bench-vision train clean
 
 help:
 	@echo "make demo       spray a simulated row and write a report (SEED=1 SPEED=10 CONFIG=configs/demo.toml)"
 	@echo "make test       the test suite (about 6 minutes on two cores)"
 	@echo "make test-peers independent programs talk to our drivers and emulators (gpsd, mbpoll, gammu, smsd, rustypot, systemd)"
 	@echo "make test-long  the slow tests too"
+	@echo "make soak       the whole robot for 72 hours of virtual time, everything goes wrong (HOURS=72 SEED=1)"
 	@echo "make check      format, lint, types, architecture"
 	@echo "make bench      speed and memory, measured"
 	@echo "make bench-vision  how well and how fast both detectors and two rivals see: a page in out/bench-vision"
@@ -47,6 +50,9 @@ test-peers: $(VENV)/.installed-dev
 
 test-long: $(VENV)/.installed-dev
 	$(BIN)/python -m pytest -n auto
+
+soak: $(VENV)/.installed
+	$(BIN)/sprayer soak --hours $(HOURS) --seed $(SEED)
 
 check: $(VENV)/.installed-dev
 	$(BIN)/ruff check .

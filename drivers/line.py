@@ -96,19 +96,7 @@ class Line:
 
     def write(self, data: bytes, timeout_s: float = WRITE_TIMEOUT_S) -> None:
         """All of ``data``, or ``DeviceTimeout``."""
-        deadline_s = time.monotonic() + timeout_s
-        left = memoryview(data)
-        while left:
-            try:
-                written = os.write(self.descriptor, left)
-            except BlockingIOError:
-                written = 0
-            left = left[written:]
-            if left and not select.select([], [self.descriptor], [], max(0.0, deadline_s - time.monotonic()))[1]:
-                raise DeviceTimeout(
-                    self.settings.device, f"{len(data)} bytes to be taken within {timeout_s:g} s",
-                    f"{len(left)} bytes left", "check the cable and that flow control is off",
-                )  # fmt: skip
+        write_all(self.descriptor, data, timeout_s, self.settings.device)
         self._keep("out", data)
 
     def read(self, size: int, timeout_s: float) -> bytes:
@@ -152,6 +140,23 @@ class Line:
         self._keep("in", data)
         self._held += data
         return True
+
+
+def write_all(descriptor: int, data: bytes, timeout_s: float, device: str) -> None:
+    """All of ``data`` to a descriptor that does not block, or ``DeviceTimeout``; ``OSError`` without a device."""
+    deadline_s = time.monotonic() + timeout_s
+    left = memoryview(data)
+    while left:
+        try:
+            written = os.write(descriptor, left)
+        except BlockingIOError:
+            written = 0
+        left = left[written:]
+        if left and not select.select([], [descriptor], [], max(0.0, deadline_s - time.monotonic()))[1]:
+            raise DeviceTimeout(
+                device, f"{len(data)} bytes to be taken within {timeout_s:g} s", f"{len(left)} bytes left",
+                "check the cable and that flow control is off",
+            )  # fmt: skip
 
 
 def _open(settings: PortSettings) -> serial.Serial:

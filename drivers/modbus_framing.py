@@ -14,6 +14,7 @@ from pymodbus.framer import FramerRTU, FramerSocket
 from pymodbus.pdu import DecodePDU
 
 from drivers.line import Line
+from drivers.modbus_frames import with_crc
 from drivers.modbus_pdu import ERROR_BIT, Request
 
 SILENT_CHARACTERS = 3.5
@@ -156,6 +157,16 @@ class TcpFraming:
         if len(payload) < length - 1:
             raise Garbled("too short", head + payload)
         return transaction, unit, payload
+
+
+def rtu_frame(unit_id: int, request: Request) -> bytes:
+    """A request as it goes over a serial line."""
+    return with_crc(bytes([unit_id]) + request.payload)
+
+
+def tcp_frame(unit_id: int, request: Request) -> bytes:
+    """A request as it goes over TCP, under the transaction number 0, which no other request has."""
+    return HEADER.pack(0, 0, len(request.payload) + 1, unit_id) + request.payload
 
 
 def flaw(payload: bytes, request: Request) -> str:

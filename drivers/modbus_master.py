@@ -12,12 +12,13 @@ from pymodbus.pdu import DecodePDU, ModbusPDU
 from drivers import modbus_pdu as pdu
 from drivers.errors import DeviceFault, DeviceTimeout
 from drivers.line import TCP, Line
-from drivers.modbus_framing import Framing, Garbled, RtuFraming, Silence, TcpFraming
+from drivers.modbus_framing import Framing, Garbled, RtuFraming, Silence, TcpFraming, rtu_frame, tcp_frame
 from drivers.serial_port import SerialPort, Timer
 
 T = TypeVar("T")
 
 TIMEOUT_S = 0.1
+ANSWER_S = 0.02  # a unit's time to think and to answer a write, beside the time on the wire
 
 
 @dataclass(slots=True)
@@ -62,6 +63,17 @@ class ModbusMaster:
     def post_stop(self, job: Callable[[ModbusLine], T]) -> Future[T]:
         """Like ``stop``, from any thread and without waiting."""
         return self.port.post_stop(lambda line: job(self._on(line)))
+
+    def write_beside(self, unit_id: int, requests: Sequence[pdu.Request]) -> None:
+        """Writes for one unit, beside an owner that hangs and from any thread; sent twice, the answers unheard.
+
+        ``DeviceLost`` without a device, ``DeviceTimeout`` when it takes nothing.
+        """
+        settings = self.port.settings
+        framed = tcp_frame if settings.path.startswith(TCP) else rtu_frame
+        frames = [framed(unit_id, request) for request in requests]
+        answer_s = max(map(len, frames)) * settings.byte_s + ANSWER_S  # on two wires an answer takes its turn
+        self.port.write_beside([*frames, *frames], answer_s)
 
     def at(self, due_s: float, job: Callable[[ModbusLine], None]) -> Timer:
         """Run a job in the owner thread at ``due_s`` of the clock; it sees to its own errors."""

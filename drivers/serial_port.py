@@ -14,8 +14,9 @@ import itertools
 import os
 import select
 import threading
+import time
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from concurrent.futures import Future
 from contextlib import suppress
 from dataclasses import dataclass, field
@@ -23,7 +24,7 @@ from typing import Any, TypeVar
 
 from drivers.byte_trace import ByteTrace, Direction
 from drivers.errors import DeviceError, DeviceFault, DeviceLost
-from drivers.line import Line, PortSettings
+from drivers.line import Line, PortSettings, write_all
 
 T = TypeVar("T")
 Greeting = Callable[[Line], None]
@@ -31,6 +32,7 @@ Greeting = Callable[[Line], None]
 FIRST_RETRY_S = 0.2
 LONGEST_RETRY_S = 5.0
 JOIN_S = 5.0
+BESIDE_TIMEOUT_S = 0.1
 
 
 @dataclass(slots=True)
@@ -140,6 +142,30 @@ class SerialPort:
     def post_stop(self, job: Callable[[Line], T]) -> Future[T]:
         """Like ``stop``, from any thread and without waiting."""
         return self._post(self._stops, job)
+
+    def write_beside(self, frames: Sequence[bytes], gap_s: float) -> None:
+        """Write beside an owner that hangs, on a duplicate of its descriptor; ``gap_s`` of silence after each frame.
+
+        Whatever is under way on the line may garble the first frames: repeat what matters. Nothing is read.
+        ``DeviceLost`` without a device, ``DeviceTimeout`` when it takes nothing.
+        """
+        with self._mutex:  # the owner parts with its line under the mutex before it closes it
+            line = self._line
+            if line is None:
+                raise self._closed() if self._thread is None or not self._lost_because else self._gone()
+            duplicate = os.dup(line.descriptor)
+        try:
+            for frame in frames:
+                write_all(duplicate, frame, BESIDE_TIMEOUT_S, self.settings.device)
+                self._keep("out", frame)
+                time.sleep(gap_s)  # nobody waits for an answer: this is the silence that parts frames on the wire
+        except OSError as error:
+            raise DeviceLost(
+                self.settings.device, f"{self.settings.path} to be there", f"it gone ({error.strerror or error})",
+                "plug it in again; it is looked for until it is back",
+            ) from error  # fmt: skip
+        finally:
+            os.close(duplicate)
 
     def at(self, due_s: float, job: Callable[[Line], None]) -> Timer:
         """Run a job in the owner thread at ``due_s`` of the clock. It sees to its own errors; one that it lets go is

@@ -27,6 +27,7 @@ from robot.commands.jog import app as jog
 from robot.commands.release import release
 from robot.commands.report import report
 from robot.commands.run import run
+from robot.commands.soak import soak
 from robot.commands.spray import spray
 from robot.commands.status import status
 from robot.commands.trace import trace
@@ -48,6 +49,7 @@ app.add_typer(calibrate, name="calibrate")
 app.add_typer(config, name="config")
 app.add_typer(gps, name="gps")
 app.add_typer(jog, name="jog")
+app.command()(soak)
 app.command()(spray)
 app.command()(trace)
 app.command()(alloff_file)

@@ -17,6 +17,7 @@ from drivers.arm.servo_line import DEVICE
 from drivers.arm.values import ArmState, JointTrajectory
 from drivers.errors import DeviceError, DeviceFault, DeviceLost, DeviceRefused
 from drivers.serial_port import SerialPort
+from drivers.stop_lane import StopLane
 
 USER = "arm"
 START_TOLERANCE_RAD = 0.1
@@ -38,6 +39,7 @@ class DynamixelArm:
         self._turn = 0  # counts trajectories and stops, so that each ends the one before
         self._following = False
         self._poller: asyncio.Task[None] | None = None
+        self.stop_lane = StopLane(DEVICE, self.post_hold)  # servos that hear nothing stop by their bus watchdog
 
     @property
     def joint_names(self) -> tuple[str, ...]:
@@ -94,13 +96,15 @@ class DynamixelArm:
 
     async def follow(self, trajectory: JointTrajectory) -> None:
         self._require_open()
+        self.stop_lane.require_released()
         if self._following:
             raise DeviceRefused(DEVICE, "one trajectory at a time", "a second one", "wait for the first, or hold()")
         self._following = True
+        self._turn += 1
+        turn = self._turn  # taken before anything is awaited: a stop from here on ends it
         try:
             self._check(await self.state(), trajectory)
-            self._turn += 1
-            await self._stream(trajectory, self._turn)
+            await self._stream(trajectory, turn)
         finally:
             self._following = False
 

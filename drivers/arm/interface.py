@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Protocol
 
 from drivers.arm.values import ArmState, JointTrajectory
+from drivers.stop_lane import StopLane
 
 
 class Arm(Protocol):
@@ -12,6 +13,11 @@ class Arm(Protocol):
 
     Every method raises a ``DeviceError``; every wait ends in ``DeviceTimeout``.
     """
+
+    @property
+    def stop_lane(self) -> StopLane | None:
+        """The stop from any thread; None for a simulated device, which belongs to the event loop with its machine."""
+        ...
 
     @property
     def joint_names(self) -> tuple[str, ...]:

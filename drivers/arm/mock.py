@@ -24,6 +24,8 @@ WRONG_RAD = 0.05
 class MockArm:
     """Implements ``drivers.arm.interface.Arm``; ``clock`` gives loop time. Goals are streamed at 50 Hz."""
 
+    stop_lane = None
+
     def __init__(self, twin: Twin, clock: Callable[[], float]) -> None:
         self._twin, self._clock = twin, clock
         self._bus = Bus(twin, clock, "arm", twin.nominal.arm_round_trip_s, TIMEOUT_S)
@@ -57,10 +59,12 @@ class MockArm:
         if self._following:
             raise DeviceRefused("arm", "one trajectory at a time", "a second one", "wait for the first, or hold()")
         self._following = True
+        self._stream += 1
+        stream = self._stream  # taken before anything is awaited: a stop from here on ends it
         try:
             await self._check_start(await self.state(), trajectory)
-            self._stream += 1
-            await self._send_goals(trajectory, self._stream)
+            self._require_unstopped(stream)
+            await self._send_goals(trajectory, stream)
         finally:
             self._following = False
 
@@ -82,6 +86,10 @@ class MockArm:
                 "plan from the arm's present state",
             )
         self._require_working(state.torque_on, state.hardware_error)
+
+    def _require_unstopped(self, stream: int) -> None:
+        if self._stream != stream:
+            raise DeviceFault("arm", "to follow to the end", "a stop meanwhile", "plan from where the arm is")
 
     def _require_working(self, torque_on: bool, errors: Sequence[int]) -> None:
         for name, error in zip(self.joint_names, errors, strict=True):
@@ -106,8 +114,7 @@ class MockArm:
                 due_s = min(start_s + cycle * GOAL_PERIOD_S, end_s)
                 await asyncio.sleep(max(0.0, due_s - self._clock()))
                 self._bus.require_open()
-                if self._stream != stream:
-                    raise DeviceFault("arm", "to follow to the end", "a stop meanwhile", "plan from where the arm is")
+                self._require_unstopped(stream)
                 await self._bus.require_clean_answer(self._bus.verb)
         except BaseException:
             if self._stream == stream and self._bus.verb is not Verb.OFF:

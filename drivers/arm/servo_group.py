@@ -67,7 +67,7 @@ class ServoGroup:
         self.roster.note({row.servo_id: raw})
         health.firmware = row.found.firmware if row.found else 0
         health.alive, health.misses, health.tick = True, 0, None
-        health.rebooted |= self._watch.armed and condition.watchdog == 0
+        health.rebooted |= self._watch.was_powerless(row.servo_id, condition.watchdog)
         delay = row.settings["return_delay_time"]
         if delay and self._settings.writes_return_delay and not condition.torque_on:
             servos.write_register(row.servo_id, table.register("return_delay_time"), 0)

@@ -30,6 +30,7 @@ class ServoWatch:
         self.silent = 0
         self._roster, self._rest_profile, self._clock = roster, rest_profile, clock
         self._units = math.ceil(watchdog_s / WATCHDOG_UNIT_S - 1e-9)
+        self._half_armed: set[int] = set()  # the host cleared their watchdogs and is not sure that it set them again
         self._polls = 0
         self._pinged_s = -math.inf
 
@@ -53,11 +54,17 @@ class ServoWatch:
 
     def arm(self, servos: ServoLine, health: ServoHealth, found: int) -> None:
         """Clear the watchdog and set it. A servo that it has stopped takes its place as its goal first."""
+        self._half_armed.add(health.servo_id)
         servos.write(health.servo_id, blocks.WATCHDOG_ADDRESS, b"\0")
         if found == blocks.WATCHDOG_TRIPPED and health.torque_on:
             place = servos.read(health.servo_id, blocks.POSITION_ADDRESS, blocks.POSITION_BYTES)
             servos.write(health.servo_id, blocks.PROFILE_ADDRESS, self._rest_profile + place)
         servos.write(health.servo_id, blocks.WATCHDOG_ADDRESS, bytes([self._units]))
+        self._half_armed.discard(health.servo_id)
+
+    def was_powerless(self, servo_id: int, found: int) -> bool:
+        """Whether the watchdog that was ``found`` was reset with all the RAM, and not by the host."""
+        return self.armed and found == 0 and servo_id not in self._half_armed
 
     def disarm(self, servos: ServoLine) -> None:
         """All watchdogs off; goes on past servos that do not answer."""
@@ -87,7 +94,7 @@ class ServoWatch:
         """A watchdog that is off was reset with all the RAM; one that has tripped is set anew."""
         if found == self._units or not self.armed:
             return
-        health.rebooted |= found == 0
+        health.rebooted |= self.was_powerless(health.servo_id, found)
         health.watchdog_trips += found == blocks.WATCHDOG_TRIPPED
         _worked(partial(self.arm, servos, health, found))
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Protocol
 
 from drivers.relay.values import BoardCapability, Channel, PulseReceipt, RelayState
+from drivers.stop_lane import StopLane
 
 
 class RelayBoard(Protocol):
@@ -13,6 +14,11 @@ class RelayBoard(Protocol):
     Every method raises a ``DeviceError``; every wait ends in ``DeviceTimeout``. After a time-out the state of the
     coil is unknown: the caller must assume the worse.
     """
+
+    @property
+    def stop_lane(self) -> StopLane | None:
+        """The stop from any thread; None for a simulated device, which belongs to the event loop with its machine."""
+        ...
 
     @property
     def capability(self) -> BoardCapability: ...

@@ -20,6 +20,8 @@ _PULSED_ONLY = frozenset({Channel.VALVE, Channel.PUMP})
 class MockRelay:
     """Implements ``drivers.relay.interface.RelayBoard``; ``clock`` gives loop time."""
 
+    stop_lane = None
+
     def __init__(self, twin: Twin, clock: Callable[[], float]) -> None:
         self._twin, self._clock = twin, clock
         self._bus = Bus(twin, clock, "relay", twin.nominal.relay_round_trip_s, TIMEOUT_S)

@@ -16,6 +16,7 @@ from drivers.relay.held_pulses import HeldPulses
 from drivers.relay.modbus_settings import RelaySettings
 from drivers.relay.profiles import profile_named
 from drivers.relay.values import BoardCapability, Channel, PulseReceipt, RelayState, refusal_for_automatic
+from drivers.stop_lane import StopLane
 
 __all__ = ["ModbusRelay", "RelaySettings"]
 
@@ -42,6 +43,7 @@ class ModbusRelay:
         self._is_open = False
         self._trouble: DeviceError | None = None
         self._shuts = 0  # how often something was to be shut
+        self.stop_lane = StopLane("relay", self.post_all_off, self._force_all_off)
         first = [channel for channel in _FIRST_OFF if channel in settings.channels]
         self._numbers = {channel: settings.channels[channel] for channel in (*first, *sorted(settings.channels))}
 
@@ -128,6 +130,13 @@ class ModbusRelay:
         self._shuts += 1
         return self._bus.post_stop(self._shut_all)
 
+    def _force_all_off(self) -> None:
+        """Beside an owner that hangs; what it does when it goes on is none of this."""
+        numbers = tuple(self._numbers.values())
+        self._bus.write_beside(
+            self._settings.unit_id, [write.request() for write in self._profile.all_off(numbers)]
+        )
+
     async def read(self) -> RelayState:
         self._require_open()
         self._raise_trouble()
@@ -142,6 +151,7 @@ class ModbusRelay:
 
     async def _open_unless_shut(self, job: Callable[[ModbusLine], T]) -> T:
         """Run a job that opens; it does nothing when its caller is gone, or something was shut since, by its turn."""
+        self.stop_lane.require_released()
         shuts = self._shuts
         wanted = True
 

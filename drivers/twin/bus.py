@@ -30,6 +30,7 @@ JITTER_SHARE = 0.1
 STALE_S = 1.0
 LATE_S = 0.3
 FAILING_SHARE = 0.5
+_ANSWERLESS = (Verb.UNPLUGGED, Verb.OFF)
 
 
 class Bus:
@@ -76,8 +77,9 @@ class Bus:
         """
         self.require_open()
         async with self._lock:
-            await self.require_answer()
-            verb = self.verb
+            if (verb := self.verb) in _ANSWERLESS:
+                await self.require_answer()
+                verb = self.verb
             trip_s = self._round_trip_s * (1.0 + JITTER_SHARE * float(self._random.random()))
             half_s = 0.5 * trip_s * (SLOW_FACTOR if verb is Verb.SLOW else 1.0)
             if (busy_s := self._free_s - self.clock()) > 0.0:
@@ -89,7 +91,8 @@ class Bus:
             await asyncio.sleep(half_s)
             answer = read()
             await asyncio.sleep(half_s)
-            await self.require_clean_answer(verb)
+            if verb is not Verb.OK:
+                await self.require_clean_answer(verb)
             return answer
 
     async def require_answer(self) -> None:

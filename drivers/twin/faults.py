@@ -95,6 +95,8 @@ class FaultPlan:
         """What ``device`` does wrong now; ``Verb.OK`` when nothing."""
         if device not in DEVICES:
             raise ValueError(f"fault: unknown device {device!r}; known are {', '.join(DEVICES)}")
+        if not self.faults:
+            return Verb.OK
         for fault in reversed(self.faults):
             if fault.device == device and fault.start_s <= now_s < fault.end_s:
                 return fault.verb

@@ -26,7 +26,7 @@ from drivers.twin.nominal import Nominal
 from drivers.twin.physics import Physics
 from drivers.twin.plants import Greenhouse, grow
 from drivers.twin.receiver import Receiver
-from drivers.twin.renderer import StereoRenderer
+from drivers.twin.renderer import PairRenderer, StereoRenderer
 from drivers.twin.scene import Scene
 from drivers.twin.sensors import Liquid, Sensors
 from drivers.twin.shot import Shot, view_line
@@ -229,7 +229,7 @@ class Twin:
         return grow(self.scene)
 
     @cached_property
-    def renderer(self) -> StereoRenderer:
+    def renderer(self) -> PairRenderer:
         return StereoRenderer(self.greenhouse, self.nominal.optics, self.seed)
 
     @property

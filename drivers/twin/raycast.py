@@ -81,7 +81,7 @@ class _Soups:
     stems: CapsuleSoup
 
 
-@lru_cache(maxsize=8)
+@lru_cache(maxsize=2)
 def _soups(greenhouse: Greenhouse) -> _Soups:
     leaves, stems = greenhouse.leaves, greenhouse.stems
     fruit_balls = [[*fruit.centre_m, fruit.semi_equatorial_m] for fruit in greenhouse.fruits]

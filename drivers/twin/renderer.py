@@ -6,6 +6,7 @@ import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, fields
 from functools import partial
+from typing import Protocol
 
 import numpy as np
 import numpy.typing as npt
@@ -49,6 +50,17 @@ class _Painted:
     eyes_from_row: tuple[Array, Array]
     canvases: tuple[Canvas, Canvas]
     slots: dict[int, int]
+
+
+class PairRenderer(Protocol):
+    """What the twin's camera asks; see ``StereoRenderer``."""
+
+    def render(
+        self, row_from_camera: npt.ArrayLike, light: Light, exposure_s: float = ..., gain: float = ...,
+        arm: Sequence[Capsule] = ..., frame: int = ...,
+    ) -> tuple[Picture, Picture]: ...  # fmt: skip
+
+    def truth(self, row_from_camera: npt.ArrayLike, arm: Sequence[Capsule] = ...) -> tuple[FruitView, ...]: ...
 
 
 class StereoRenderer:

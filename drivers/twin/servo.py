@@ -84,22 +84,31 @@ class Servo:
         self.torque_on = on
 
     def follow(self, t_s: float) -> None:
-        """One step towards the goal as it is by ``t_s``."""
+        """One step towards the goal as it is by ``t_s``. Called a thousand times a second of an arm's motion."""
         since_s = t_s - self.goal_at_s
         if since_s > STREAM_GAP_S:
             since_s = 0.0
             self.end_stream()
-        half = self._half_step
-        goal, goal_speed = self._goal_now(since_s) if self.goal_speed else (self.goal, 0.0)
-        ahead = goal - self.profile
+        half, velocity, profile = self._half_step, self._velocity, self.profile
+        if self.goal_speed:
+            goal, goal_speed = self._goal_now(since_s)
+            spare = self._acceleration * CATCH_UP_SHARE
+        else:
+            goal, goal_speed, spare = self.goal, 0.0, self._acceleration
+        ahead = goal - profile
         distance = abs(ahead)
-        spare = self._acceleration * (CATCH_UP_SHARE if self.goal_speed else 1.0)
         braking = math.sqrt(half * half + 2.0 * spare * distance) - half
-        wanted = goal_speed + math.copysign(min(braking, distance / STEP_S), ahead)
-        wanted = min(max(wanted, -self._velocity), self._velocity)
-        self.profile_speed = min(max(wanted, self.profile_speed - 2.0 * half), self.profile_speed + 2.0 * half)
-        self.profile += self.profile_speed * STEP_S
-        self._move(self.angle + (self.profile - self.angle) * _LAG_SHARE)
+        at_once = distance / STEP_S
+        wanted = goal_speed + math.copysign(braking if braking < at_once else at_once, ahead)
+        wanted = -velocity if wanted < -velocity else velocity if wanted > velocity else wanted
+        slowest, fastest = self.profile_speed - 2.0 * half, self.profile_speed + 2.0 * half
+        speed = slowest if wanted < slowest else fastest if wanted > fastest else wanted
+        self.profile_speed = speed
+        self.profile = profile = profile + speed * STEP_S
+        before = self.angle
+        angle = before + (profile - before) * _LAG_SHARE
+        angle = self._low if angle < self._low else self._high if angle > self._high else angle
+        self.speed, self.angle = (angle - before) / STEP_S, angle
 
     def _goal_now(self, since_s: float) -> tuple[float, float]:
         """Where a goal in a stream is by now, and how fast; one that brakes does not turn back."""

@@ -51,6 +51,7 @@ class Servos:
             Servo(joint, start - zero, velocity_rad_s, acceleration_rad_s2)
             for joint, start, zero in zip(geometry.joints, start_rad, zero_rad, strict=True)
         ]
+        self._stall_n_m = np.array([joint.effort_n_m for joint in geometry.joints])
         self._weighed_rad: Array = np.empty(0)
         self._weighed_n_m: Array = np.empty(0)
         self._cradle_rad: tuple[float, ...] | None = None
@@ -74,6 +75,11 @@ class Servos:
         return tuple(
             (servo.profile + zero, servo.profile_speed) for servo, zero in zip(self._servos, self._zero, strict=True)
         )
+
+    @property
+    def speeds_rad_s(self) -> tuple[float, ...]:
+        """How fast each joint truly turns."""
+        return tuple(servo.speed for servo in self._servos)
 
     def advance(self, t_s: float) -> float | None:
         """Integrate to ``t_s``; when the arm came to rest on the way, the moment it did."""
@@ -163,8 +169,7 @@ class Servos:
         n = len(angles)
         seen = angles + self._zero + noise.normal(0.0, ENCODER_NOISE_RAD, n)
         ticks = np.round(seen / ENCODER_TICK_RAD) * ENCODER_TICK_RAD
-        stall = np.array([joint.effort_n_m for joint in self._geometry.joints])
-        load = -self._gravity_n_m(angles) / stall
+        load = -self._gravity_n_m(angles) / self._stall_n_m
         load = np.where([self._limp(servo) for servo in self._servos], 0.0, load) + noise.normal(0.0, LOAD_NOISE, n)
         return ArmState(
             stamp_s=stamp_s,
@@ -198,21 +203,23 @@ class Servos:
         for servo in self._servos:
             if self.frozen:
                 servo.stay()
-            elif self._limp(servo):
+            elif servo.error != 0 or not servo.torque_on:
                 servo.sink()
             else:
                 servo.follow(t_s)
-        self._leave_cradle()
-        self.resting = all(abs(servo.speed) < REST_RAD_S and self._at_goal(servo) for servo in self._servos)
-        if self.resting:
-            for servo in self._servos:
-                servo.speed = 0.0
-        return self.resting
+        if self._cradle_rad:
+            self._leave_cradle(self._cradle_rad)
+        for servo in self._servos:
+            if abs(servo.speed) >= REST_RAD_S or not self._at_goal(servo):
+                return False
+        self.resting = True
+        for servo in self._servos:
+            servo.speed = 0.0
+        return True
 
-    def _leave_cradle(self) -> None:
+    def _leave_cradle(self, cradle: tuple[float, ...]) -> None:
         """An arm that has left its cradle is not borne by it again."""
-        cradle = self._cradle_rad
-        if cradle and any(abs(s.angle - rad) > CRADLE_RAD for s, rad in zip(self._servos, cradle, strict=True)):
+        if any(abs(s.angle - rad) > CRADLE_RAD for s, rad in zip(self._servos, cradle, strict=True)):
             self._cradle_rad = None
             self._weigh()
 

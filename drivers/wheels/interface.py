@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Protocol
 
+from drivers.stop_lane import StopLane
 from drivers.wheels.values import Odometry
 
 
@@ -12,6 +13,11 @@ class Wheels(Protocol):
 
     Every method raises a ``DeviceError``; every wait ends in ``DeviceTimeout``.
     """
+
+    @property
+    def stop_lane(self) -> StopLane | None:
+        """The stop from any thread; None for a simulated device, which belongs to the event loop with its machine."""
+        ...
 
     @property
     def track_m(self) -> float:

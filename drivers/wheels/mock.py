@@ -19,6 +19,8 @@ WRONG_SCALE = 1.05
 class MockWheels:
     """Implements ``drivers.wheels.interface.Wheels``; ``clock`` gives loop time."""
 
+    stop_lane = None
+
     def __init__(self, twin: Twin, clock: Callable[[], float]) -> None:
         self._twin, self._clock = twin, clock
         self._bus = Bus(twin, clock, "wheels", twin.nominal.drive_round_trip_s, TIMEOUT_S)

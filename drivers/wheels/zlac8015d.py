@@ -9,6 +9,7 @@ from concurrent.futures import Future
 
 from drivers.errors import DeviceError, DeviceFault, DeviceLost, DeviceRefused, DeviceTimeout
 from drivers.modbus_master import ModbusLine, ModbusMaster, ModbusUnit
+from drivers.stop_lane import StopLane
 from drivers.wheels import zlac_registers as r
 from drivers.wheels import zlac_talk as talk
 from drivers.wheels.drive_geometry import LongCount, WheelPair, rpm_of, speed_of, wheel_speeds
@@ -41,6 +42,7 @@ class Zlac8015dWheels:
         self._lapse: asyncio.TimerHandle | None = None
         self._lapse_error: DeviceError | None = None
         self._counts: tuple[LongCount, LongCount] | None = None
+        self.stop_lane = StopLane(DEVICE, self.post_halt, self._force_halt)
 
     @property
     def track_m(self) -> float:
@@ -79,7 +81,10 @@ class Zlac8015dWheels:
                 DEVICE, "finite speeds", f"{speed_m_s} m/s and {yaw_rate_rad_s} rad/s", "command 0 to stand still"
             )
         self._require_open()
-        self._expect_renewal(speed_m_s != 0.0 or yaw_rate_rad_s != 0.0)
+        moves = speed_m_s != 0.0 or yaw_rate_rad_s != 0.0
+        if moves:
+            self.stop_lane.require_released()
+        self._expect_renewal(moves)
         stops, asked_s = self._stops, self._clock()
 
         def job(line: ModbusLine) -> None:
@@ -98,6 +103,15 @@ class Zlac8015dWheels:
         """Brake to standstill, before all that waits for the bus; by the emergency stop when 0 is not acknowledged."""
         self._overtake()
         await self._master.stop(self._halt)
+
+    def post_halt(self) -> Future[None]:
+        """Like ``stop``, from any thread and without waiting."""
+        self._stops += 1
+        return self._master.post_stop(self._halt)
+
+    def _force_halt(self) -> None:
+        """Speed 0 beside an owner that hangs."""
+        self._master.write_beside(self._settings.unit_id, [talk.command_request(0, 0)])
 
     async def emergency_stop(self) -> None:
         """The controller's own emergency stop; the next ``drive`` leaves it."""

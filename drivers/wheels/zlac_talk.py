@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from typing import TypeVar
 
+from drivers import modbus_pdu as pdu
 from drivers.errors import DeviceFault, DeviceMissing, DeviceTimeout, WrongDevice
 from drivers.modbus_master import ModbusRefusal, ModbusUnit
 from drivers.wheels import zlac_registers as r
@@ -111,8 +112,12 @@ def still_set_up(unit: ModbusUnit, settings: Zlac8015dSettings) -> bool:
 
 def command(unit: ModbusUnit, left_rpm: int, right_rpm: int) -> None:
     """Both channels in one frame."""
-    words = [r.word_of(left_rpm), r.word_of(right_rpm)]
-    persist(lambda: unit.write_registers(r.LEFT_TARGET.address, words))
+    request = command_request(left_rpm, right_rpm)
+    persist(lambda: unit.send(request))
+
+
+def command_request(left_rpm: int, right_rpm: int) -> pdu.Request:
+    return pdu.write_registers(r.LEFT_TARGET.address, [r.word_of(left_rpm), r.word_of(right_rpm)])
 
 
 def control(unit: ModbusUnit, word: r.Control) -> None:

@@ -109,9 +109,11 @@ def outcome_of(
     measured_ml, upper_ml = counted
     if problem:
         return Result(Outcome.UNCERTAIN, max(order.full_ml, upper_ml or 0.0), open_s, measured_ml, problem, now_s)
+    cut_short = open_s < WHOLE * order.open_s
     if measured_ml is None or upper_ml is None:
-        return Result(Outcome.SPRAYED, order.full_ml, open_s, None, "no flow reading: booked the full pulse", now_s)
-    if open_s < WHOLE * order.open_s:
+        outcome, why = (Outcome.SHORTENED, f"shortened: {why_short}; ") if cut_short else (Outcome.SPRAYED, "")
+        return Result(outcome, order.full_ml, open_s, None, f"{why}no flow reading: booked the full pulse", now_s)
+    if cut_short:
         return Result(Outcome.SHORTENED, upper_ml, open_s, measured_ml, f"shortened: {why_short}", now_s)
     flow = ShotFlow(order.model_ml, measured_ml)
     reason = one_shot_problem((flow,), settings.meter_ml_per_pulse)

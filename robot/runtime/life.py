@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import asyncio
+from collections.abc import Callable
 from contextlib import AsyncExitStack
+from datetime import datetime
 
 from drivers.camera.watched import WatchedCamera
 from drivers.errors import DeviceError
@@ -43,7 +45,7 @@ class Life:
     def __init__(
         self, config: Config, options: RunOptions, bus: Bus, ledger: Ledger, devices: Devices,
         settings: MissionSettings, today: Task, remembers: bool, detector: Detector, rig: StereoRig,
-        signals: StopSignals,
+        signals: StopSignals, utc: Callable[[], datetime],
     ) -> None:  # fmt: skip
         self._config, self._options, self._bus, self._ledger, self._devices = config, options, bus, ledger, devices
         self._settings, self._detector, self._rig, self._signals = settings, detector, rig, signals
@@ -55,7 +57,7 @@ class Life:
         self._gps = GpsPoll(devices.gps, self._localiser, settings, self.actuation, self._trouble)
         self._host = HostWatch(options.config_path, config.simulated, self.actuation, self._trouble)
         clock = asyncio.get_running_loop().time
-        self.tasks = Tasks(ledger, self.actuation, today, remembers, clock)
+        self.tasks = Tasks(ledger, self.actuation, today, remembers, clock, utc)
         self._rows = Rows(self._context)
         stops = len(settings.row.stops)
         self._report = StateReport(

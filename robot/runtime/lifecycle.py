@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import asyncio
 import uuid
+from collections.abc import Callable
 from contextlib import AsyncExitStack
-from datetime import UTC, datetime
+from datetime import datetime
 from pathlib import Path
 
 import cv2
@@ -17,7 +18,7 @@ from robot.config import Config
 from robot.control import ControlSocket
 from robot.errors import BusyError, ConfigError, FileError, UnavailableError, UsageError
 from robot.events import Bus
-from robot.ledger import Ledger
+from robot.ledger import Ledger, wall_clock
 from robot.mission import Trouble
 from robot.runtime.alloff_file import write_alloff_files
 from robot.runtime.backends import BuildOptions, build_devices, needs_twin, watched
@@ -35,14 +36,15 @@ __all__ = ["ModeChanged", "RunBegan", "RunOptions", "RunResult", "frames_folder"
 
 async def run_robot(
     config: Config, options: RunOptions, bus: Bus, *, detector: Detector | None = None, twin: Twin | None = None,
-    signals: StopSignals | None = None,
+    signals: StopSignals | None = None, utc: Callable[[], datetime] = wall_clock,
 ) -> RunResult:  # fmt: skip
     """One life of the robot, from boot to shutdown. SIGINT and SIGTERM end it clean.
 
     In real time it takes orders at ``options.control`` for as long as it lives.
 
     ``detector`` and ``twin`` (the simulated machine, which is closed at the end) stand in for those that the
-    configuration would have made. ``signals`` hears SIGINT and SIGTERM already, and goes on after the run.
+    configuration would have made. ``signals`` hears SIGINT and SIGTERM already, and goes on after the run. ``utc`` is
+    the wall clock, which dates rows of the ledger and measures nothing.
     Raises ``SprayerError`` for what keeps it from coming up; a mission that was stopped is a result, not an error.
     """
     arm_model, urdf_text = load_arm(config, options.config_path)
@@ -58,7 +60,7 @@ async def run_robot(
     async with AsyncExitStack() as stack:
         signals = signals or stack.enter_context(StopSignals())
         _make_folder(options.folder)
-        ledger = stack.enter_context(Ledger.open(ledger_path(options.folder)))
+        ledger = stack.enter_context(Ledger.open(ledger_path(options.folder), utc))
         write_alloff_files(config, options.folder, options.ports)
         if options.resume:
             task_to_resume(ledger, todays_task)
@@ -88,11 +90,11 @@ async def run_robot(
             raise UnavailableError(str(error)) from error
         cv2.setNumThreads(1)  # a second core makes vision hardly faster, and the drivers' threads need it
         detector = detector or make_detector(config.vision.detector)
-        ledger.begin_run(uuid.uuid4().hex, datetime.now(UTC))
-        dangling = ledger.book_dangling(datetime.now(UTC))
+        ledger.begin_run(uuid.uuid4().hex, utc())
+        dangling = ledger.book_dangling(utc())
         settings = mission_settings(config, row, arm_model)
         life = Life(
-            config, options, bus, ledger, devices, settings, todays_task, remembers, detector, rig, signals
+            config, options, bus, ledger, devices, settings, todays_task, remembers, detector, rig, signals, utc
         )
         opened = None
         if options.start:

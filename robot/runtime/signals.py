@@ -23,7 +23,7 @@ class StopSignals:
         self._former: dict[signal.Signals, object] = {}
 
     def install(self) -> Self:
-        self._former = {number: signal.signal(number, self._take) for number in STOPPING}
+        self._former = {number: signal.signal(number, self.take) for number in STOPPING}
         return self
 
     async def wait(self) -> str:
@@ -43,7 +43,8 @@ class StopSignals:
         for number, handler in self._former.items():
             signal.signal(number, handler)  # type: ignore[arg-type]
 
-    def _take(self, number: int, _frame: FrameType | None) -> None:
+    def take(self, number: int, _frame: FrameType | None = None) -> None:
+        """The signal has come: what the handler calls, and who plays a service manager."""
         self.name = self.name or signal.Signals(number).name
         if self._loop is not None and not self._loop.is_closed():
             self._loop.call_soon_threadsafe(self._came.set)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from datetime import UTC, datetime
+from datetime import datetime
 
 from robot import safety
 from robot.actuation import LEDGER_WRITE_S, Actuation
@@ -37,14 +37,15 @@ class OpenTask:
 class Tasks:
     """Opens tasks. ``remembers``: an earlier life's task can be gone on with (a new simulated machine knows none).
 
-    ``clock`` is the loop's, read from any thread.
+    ``clock`` is the loop's and ``utc`` the wall's, read from any thread.
     """
 
     def __init__(
-        self, ledger: Ledger, actuation: Actuation, today: Task, remembers: bool, clock: Callable[[], float]
-    ) -> None:
+        self, ledger: Ledger, actuation: Actuation, today: Task, remembers: bool, clock: Callable[[], float],
+        utc: Callable[[], datetime],
+    ) -> None:  # fmt: skip
         self._ledger, self._actuation, self._today, self._remembers = ledger, actuation, today, remembers
-        self._clock = clock
+        self._clock, self._utc = clock, utc
         self.current: OpenTask | None = None
 
     def open(self, resume: bool) -> OpenTask:
@@ -109,7 +110,7 @@ class Tasks:
         )
 
     def _given(self, task_id: int) -> safety.Given:
-        return given_before(self._ledger, task_id, datetime.now(UTC), self._clock())
+        return given_before(self._ledger, task_id, self._utc(), self._clock())
 
     def _left_ml(self, task_id: int, given_ml: float) -> float:
         return self._today.tank_fill_ml - given_ml - taken_by_hand_ml(self._ledger, task_id)

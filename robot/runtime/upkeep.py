@@ -16,10 +16,13 @@ from robot.ledger import Ledger
 from robot.runtime.devices import Devices
 from robot.runtime.mode_log import ModeLog
 from robot.runtime.settings import hand_settings, limits
+from robot.runtime.stall_watch import CAUSE, StallWatch, stop_lanes
 from robot.safety.failsafe import TASK_FAULTS, fault_of
 from robot.supervision import Health, Supervisor, TaskHealth
 
 FIRST_READINGS_S = 3.0
+STALLED = "F30"
+WATCH_SILENCE_S = 3.0  # a loop without a beat is the watch's business; this is about the watch
 _MUST_STOP = (safety.Mode.AUTO, safety.Mode.MANUAL, safety.Mode.PAUSED, safety.Mode.SAFE_STOP, safety.Mode.ESTOP)
 
 
@@ -42,6 +45,7 @@ class Upkeep:
         on_trouble: Callable[[str], None],
     ) -> None:  # fmt: skip
         self._on_mode, self._on_trouble = on_mode, on_trouble
+        self._lanes = None if config.simulated else stop_lanes(devices)  # virtual time does not stall
         self._modes = ModeLog(ledger)
         self._told = safety.SafetyState()
         self._resumes_itself = config.safety.self_resume
@@ -60,12 +64,14 @@ class Upkeep:
         ``UnavailableError`` when a device does not report. Errors leave in an ``ExceptionGroup``.
         """
         try:
-            async with asyncio.TaskGroup() as group:
+            async with asyncio.TaskGroup() as group, self._watched(group) as watch:
                 supervisor = Supervisor(group, lambda name, text: self._on_fault(group, name, text))
                 self.supervisor = supervisor
                 supervisor.keep("mode log", "ledger", self._modes.run)
                 try:
                     self._supervise(supervisor, on_odometry, polls)
+                    if watch is not None:
+                        supervisor.poll("stall watch", "runtime", watch.beat, watch.beat_s, WATCH_SILENCE_S)
                     await self._first_readings()
                     yield group
                 finally:
@@ -140,6 +146,27 @@ class Upkeep:
         self._told = state
         self._modes.put(f"{state.mode} {'; '.join(state.causes)}".strip(), asyncio.get_running_loop().time())
         self._on_mode(state)
+
+    @asynccontextmanager
+    async def _watched(self, group: asyncio.TaskGroup) -> AsyncIterator[StallWatch | None]:
+        """A loop in real time is watched from a thread; a stall is the fault F30."""
+        if self._lanes is None:
+            yield None
+            return
+
+        def on_stall(for_s: float) -> None:
+            cause = f"{CAUSE} for {for_s:.1f} s"
+            self._on_trouble(f"{STALLED}: {cause}; everything was switched off meanwhile, the log tells where it stood")
+            group.create_task(report(cause), name="fault of a stall")
+
+        async def report(cause: str) -> None:
+            await self.actuation.report(STALLED, cause)
+            if self.actuation.state.mode is safety.Mode.DISARMED:  # nothing was at stake
+                self.actuation.clear(STALLED)
+            await watch.release()
+
+        with StallWatch(self._lanes, on_stall) as watch:
+            yield watch
 
     def _on_fault(self, group: asyncio.TaskGroup, name: str, text: str) -> None:
         what = text if text.startswith(f"{name}: ") else f"{name}: {text}"

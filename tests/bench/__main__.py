@@ -27,7 +27,15 @@ from robot.runtime import RunOptions, RunResult, run_robot
 from robot.runtime.devices import nominal_machine
 from robot.runtime.settings import load_arm, load_row, mission_settings
 from robot.vision.make import make_detector
-from tests.bench import bench_alloff, bench_arm, bench_camera, bench_gps, bench_modem, bench_relay
+from tests.bench import (
+    bench_alloff,
+    bench_arm,
+    bench_camera,
+    bench_gps,
+    bench_modem,
+    bench_relay,
+    bench_stop,
+)
 from tests.bench.lines import measure, say
 
 DEMO = packaged("configs") / "demo.toml"
@@ -113,6 +121,7 @@ def main() -> None:
         ("receiver", bench_gps),
         ("modem", bench_modem),
         ("camera", bench_camera),
+        ("STOP", bench_stop),
     ):
         sys.stdout.write(f"{title}\n")
         device.bench(say)

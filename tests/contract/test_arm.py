@@ -173,6 +173,19 @@ def test_hold_stops_a_running_trajectory(arm: Bench[Arm]) -> None:
     arm.run(test)
 
 
+def test_hold_keeps_a_trajectory_that_is_just_beginning_from_moving(arm: Bench[Arm]) -> None:
+    async def test(device: Arm, twin: Twin) -> None:
+        following = asyncio.ensure_future(device.follow(move()))
+        await asyncio.sleep(0.0)  # it has asked where the arm is, and has no answer yet
+        await device.hold()
+        with pytest.raises(DeviceError):
+            await following
+        await asyncio.sleep(1.0)
+        assert apart_rad(twin, STOW_RAD) < 1e-6
+
+    arm.run(test)
+
+
 def test_hold_at_rest_moves_nothing(arm: Bench[Arm]) -> None:
     async def test(device: Arm, twin: Twin) -> None:
         await device.hold()

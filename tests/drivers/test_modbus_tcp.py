@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import socket
+import threading
 from collections.abc import Awaitable, Callable
 
 import pytest
@@ -166,3 +167,21 @@ def test_a_host_that_hangs_up_without_a_word_is_noticed() -> None:
         await master.detach("test")
 
     asyncio.run(main())
+
+
+@pytest.mark.parametrize("scheme", SCHEMES)
+def test_beside_an_owner_that_hangs_a_board_behind_tcp_is_switched_off(scheme: str) -> None:
+    async def test(relay: ModbusRelay, twin: Twin, wire: TcpWire) -> None:
+        receipt = await relay.pulse(Channel.VALVE, 5.0)
+        assert twin.coils(receipt.accepted_s)[Channel.VALVE]
+        port = relay._bus.port  # what hangs in it is the fault under test
+        gate = threading.Event()
+        hanging = asyncio.ensure_future(port.run(lambda line: gate.wait(5.0)))
+        await asyncio.sleep(0.02)
+        assert await asyncio.to_thread(relay.stop_lane.force)
+        await asyncio.sleep(0.1)
+        assert not twin.coils(receipt.accepted_s + 1.0)[Channel.VALVE]
+        gate.set()
+        await hanging
+
+    on_tcp(scheme, test)

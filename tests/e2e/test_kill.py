@@ -12,6 +12,7 @@ from drivers.twin.aftermath import run_on
 from drivers.twin.commands import Command, RelayPulse
 from drivers.twin.truth_record import read_truth
 from robot.ledger import LedgerReader
+from robot.ledger.values import Outcome
 
 from .rover_process import begin, finish, load, short_row, wait_for_line, wait_for_message
 
@@ -19,6 +20,8 @@ SPEED = "14"
 VALVE_LAG_S = 0.06  # closing latency and its deviation, on top of the board's timer
 QUICK = 4
 MOMENTS = [pytest.param(n, marks=[pytest.mark.long] if n >= QUICK else []) for n in range(20)]
+KILLS = 8  # of a row that is gone on with after each
+WORLD, VIEW = '"kind":"world"', '"kind":"view"'
 OPENING = '"device":"relay","verb":"pulse","args":{"channel":"valve"'
 
 
@@ -26,12 +29,18 @@ def _strike(process, truth: Path, moment: int, number: signal.Signals) -> None:
     """Send the signal at a random moment: every second time while a shot is under way."""
     dice = random.Random(moment)
     if moment % 2:
-        wait_for_line(process, truth, OPENING, count=dice.randint(1, 3))
+        _wait_for_more(process, truth, OPENING, dice.randint(1, 3))
         time.sleep(dice.uniform(0.0, 0.08))
     else:
-        wait_for_line(process, truth, '"kind":"view"')
+        _wait_for_more(process, truth, VIEW, 1)
         time.sleep(dice.uniform(0.0, 1.5))
     process.send_signal(number)
+
+
+def _wait_for_more(process, truth: Path, wanted: str, more: int) -> None:
+    """Until so many lines have come since the process began."""
+    before = truth.read_text(errors="replace").rpartition(WORLD)[0].count(wanted) if truth.exists() else 0
+    wait_for_line(process, truth, wanted, before + more)
 
 
 def _ledger_ml(out: Path) -> tuple[float, int]:
@@ -55,31 +64,67 @@ def _opens_valve(command: Command) -> bool:
     return isinstance(command, RelayPulse) and command.channel is Channel.VALVE
 
 
-@pytest.mark.parametrize("moment", MOMENTS)
-def test_a_kill_leaves_the_valve_shut_within_the_pulse_and_no_millilitre_unbooked(moment, tmp_path):
-    config, truth = short_row(tmp_path), tmp_path / "truth.jsonl"
-    process = begin(config, tmp_path, "--start", "--speed", SPEED)
-    _strike(process, truth, moment, signal.SIGKILL)
-    finish(process)
+@pytest.mark.parametrize("chain", [0, 1, pytest.param(2, marks=pytest.mark.long)])
+def test_after_each_of_many_kills_the_row_goes_on_with_no_shot_lost_or_doubled(chain, tmp_path):
+    config, rows, kills = short_row(tmp_path), 0, 0
+    while kills < KILLS:
+        out = tmp_path / str(rows)
+        out.mkdir()
+        kills += _kill_until_done(config, out, KILLS - kills, moment=100 * chain + kills)
+        _is_shut_and_booked(out)
+        _comes_up_disarmed(config, out)
+        rows += 1
 
+
+def _kill_until_done(config: Path, out: Path, most: int, moment: int) -> int:
+    """How many processes were killed before one came to the end of the row."""
+    for kills in range(most):
+        resume = ("--resume",) if (out / "ledger.sqlite").exists() and _tasks(out) else ()
+        process = begin(config, out, "--start", *resume, "--speed", SPEED)
+        _strike(process, out / "truth.jsonl", moment + kills, signal.SIGKILL)
+        code, errors = finish(process)
+        if code == 0:
+            return kills
+        assert code == -signal.SIGKILL, errors
+    return most
+
+
+def _tasks(out: Path) -> int:
+    with LedgerReader.open_read_only(out / "ledger.sqlite") as ledger:
+        return len(ledger.tasks())
+
+
+def _is_shut_and_booked(out: Path) -> None:
+    truth = out / "truth.jsonl"
     after = run_on(truth)
     assert after.longest_opening_s <= _longest_pulse_s(truth) + VALVE_LAG_S
     assert not any(on for channel, on in after.coils.items() if channel.value in ("valve", "pump"))
-    ledger_ml, dangling = _ledger_ml(tmp_path)
-    assert ledger_ml >= after.total_ml - 1e-6
+    assert _ledger_ml(out)[0] >= after.total_ml - 1e-6
+    with LedgerReader.open_read_only(out / "ledger.sqlite") as ledger:
+        shots = [shot for row in ledger.tasks() for shot in ledger.shots(row.task_id)]
+    openings = sum(
+        _opens_valve(timed.command) for process in read_truth(truth).processes for timed in process.commands
+    )
+    never_opened = [shot for shot in shots if shot.result is not None and shot.result.outcome is Outcome.NOT_OPENED]
+    killed_before = sum(shot.result is None or "outcome" in shot.result.reason for shot in shots)
+    assert openings <= len(shots) - len(never_opened) <= openings + killed_before
 
-    again = begin(config, tmp_path, "--summary", str(tmp_path / "summary.json"), "--speed", SPEED)
+
+def _comes_up_disarmed(config: Path, out: Path) -> None:
+    """Started again it opens nothing, and books what was left open as its full pulse."""
+    ledger_ml, dangling = _ledger_ml(out)
+    again = begin(config, out, "--summary", str(out / "summary.json"), "--speed", SPEED)
     told = wait_for_message(again, "up, disarmed, waiting")
     again.send_signal(signal.SIGTERM)
     code, errors = finish(again)
     assert code == 0, told + errors
-    summary = load(tmp_path / "summary.json")
+    summary = load(out / "summary.json")
     assert summary["mode"] == "disarmed"
     assert len(summary["dangling"]) == dangling
     assert (told + errors).count("booked as its full pulse") == dangling
-    second = read_truth(truth).processes[-1]
+    second = read_truth(out / "truth.jsonl").processes[-1]
     assert not any(_opens_valve(timed.command) for timed in second.commands)
-    assert _ledger_ml(tmp_path) == (pytest.approx(ledger_ml), 0)
+    assert _ledger_ml(out) == (pytest.approx(ledger_ml), 0)
 
 
 @pytest.mark.parametrize("moment", MOMENTS)

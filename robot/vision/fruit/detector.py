@@ -23,7 +23,7 @@ from robot.vision.fruit.ripeness import kind_of
 from robot.vision.fruit.suppress import keep_best
 from robot.vision.fruit.uncertainty import spread_of
 from robot.vision.stereo_rig import StereoRig
-from robot.vision.values import Circle, Fruit
+from robot.vision.values import Circle, Fruit, Ripeness
 
 Array = npt.NDArray[np.float64]
 Image = npt.NDArray[np.uint8]
@@ -80,7 +80,7 @@ class FruitDetector:
         score = 0.5 * (looked.left.ripeness + looked.right.ripeness)
         seen = looked.first.shows.mean(axis=2).min(axis=1)
         centres_m = fit.centre_m[kept] @ pair.rect_from_left
-        outlines = outline_circles(centres_m, fit.radius_m[kept], rig).tolist()
+        outlines = outline_circles(centres_m, fit.radius_m[kept], rig)
         fruits = []
         for k, centre_m, (in_left, in_right) in zip(kept, centres_m, outlines, strict=True):
             kind, sure = kind_of(float(score[k])), float(confidence[k])
@@ -95,8 +95,8 @@ class FruitDetector:
                     confidence=sure,
                     visible_fraction=float(seen[k]),
                     measured=bool(well[k] >= self._parameters.measured_chance),
-                    left=Circle(*in_left, kind, sure),
-                    right=Circle(*in_right, kind, sure),
+                    left=_circle(in_left, kind, sure),
+                    right=_circle(in_right, kind, sure),
                 )
             )
         return tuple(fruits)
@@ -108,3 +108,8 @@ class FruitDetector:
         near, far = self._parameters.distance_range_m
         finite = np.isfinite(fit.covariance).all(axis=(1, 2)) & np.isfinite(fit.centre_m).all(axis=1)
         return np.asarray(finite & (diameter > low) & (diameter < high) & (distance > near) & (distance < 1.1 * far))
+
+
+def _circle(outline: Array, kind: Ripeness, sure: float) -> Circle:
+    u, v, r = (float(value) for value in outline)
+    return Circle(u, v, r, kind, sure)

@@ -9,7 +9,7 @@ from robot.vision.stereo_rig import StereoRig
 
 Array = npt.NDArray[np.float64]
 
-TURN_RAD: Array = np.arange(32) * (2 * np.pi / 32)
+TURN_RAD: Array = np.arange(32, dtype=np.float64) * (2 * np.pi / 32)
 
 
 def outline_circles(centre_m: Array, radius_m: Array, rig: StereoRig) -> Array:

@@ -44,6 +44,7 @@ class ArmOnBus:
     arm: DynamixelArm
     heard: list[Packet] = field(default_factory=list)
     deaf: bool = False
+    loses: Callable[[Packet], bool] = lambda packet: False  # packets that do not reach the servos
 
     def now(self) -> float:
         return asyncio.get_running_loop().time()
@@ -75,8 +76,9 @@ def on_bus(
         reader = PacketReader()
 
         def receive(data: bytes) -> None:
-            bus.heard += [item for item in reader.feed(data) if isinstance(item, Packet)]
-            if not bus.deaf:
+            packets = [item for item in reader.feed(data) if isinstance(item, Packet)]
+            bus.heard += packets
+            if not bus.deaf and not any(bus.loses(packet) for packet in packets):
                 servos.receive(data)
 
         folder = tempfile.TemporaryDirectory()

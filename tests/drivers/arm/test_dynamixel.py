@@ -13,7 +13,7 @@ import pytest
 from drivers.arm.control_tables import TICK_RAD, OperatingMode
 from drivers.arm.emulator import viperx300_joints
 from drivers.arm.following import Follower
-from drivers.arm.protocol2 import BROADCAST, Instruction, status
+from drivers.arm.protocol2 import BROADCAST, Instruction, Packet, status
 from drivers.errors import DeviceError, DeviceFault, DeviceLost, DeviceRefused, DeviceTimeout
 from drivers.line import Line
 from drivers.twin import commands as c
@@ -105,6 +105,34 @@ def test_a_rebooted_servo_is_noticed_until_the_arm_is_opened_again() -> None:
         assert (await bus.arm.state()).torque_on
 
     on_bus(test)
+
+
+def test_a_watchdog_that_tripped_and_could_not_be_set_at_once_is_no_reboot() -> None:
+    """A busy computer: nobody spoke to the servos for long, and one of the packets that set them anew was lost."""
+
+    async def test(bus: ArmOnBus) -> None:
+        lost: list[Packet] = []
+
+        def loses(packet: Packet) -> bool:
+            sets = packet.instruction == Instruction.WRITE and packet.data[:2] == b"\x62\0" and packet.data[2:] != b"\0"
+            if sets and packet.servo_id == 5 and not lost:
+                lost.append(packet)
+                return True
+            return False
+
+        await asyncio.sleep(0.5)
+        bus.loses = loses
+        await bus.port.run(lambda line: time.sleep(0.6))
+        await until(lambda: {bus.emulator.servo(i).get("bus_watchdog") for i in range(1, 9)} == {15})
+        await asyncio.sleep(0.5)
+        assert len(lost) == 1
+        await bus.arm.state()
+        bus.emulator.reboot(5)
+        await asyncio.sleep(1.5)
+        with pytest.raises(DeviceFault, match="servo 5 rebooted"):
+            await bus.arm.state()
+
+    on_bus(test, watchdog_s=0.3)
 
 
 def test_a_servo_that_reboots_in_mid_motion_stops_the_others() -> None:

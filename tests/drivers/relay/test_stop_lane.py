@@ -109,6 +109,61 @@ def test_everything_may_be_switched_off_from_another_thread() -> None:
     on_board("waveshare-8", test)
 
 
+@pytest.mark.parametrize("profile", ["waveshare-8", "lc-8", "r4d8a08", "wb-mr6"])
+def test_beside_an_owner_that_hangs_everything_is_switched_off_for_good(profile: str) -> None:
+    """F30."""
+
+    async def test(bench: Bench) -> None:
+        await bench.relay.pulse(Channel.VALVE, 4.0)
+        await bench.relay.pulse(Channel.PUMP, 4.0)
+        gate = threading.Event()
+        hanging = asyncio.ensure_future(bench.master.run(lambda line: gate.wait(10.0)))
+        await asyncio.sleep(0.02)
+        stopping = bench.relay.stop_lane.post("of a test")
+        assert bench.on()
+        assert await asyncio.to_thread(bench.relay.stop_lane.force)
+        await until(lambda: not bench.on())
+        assert not stopping.done()
+        await asyncio.sleep(0.3)
+        assert not bench.on()
+        gate.set()
+        await hanging
+        await asyncio.wrap_future(stopping)  # and the owner, when it goes on, begins with the stop
+        await asyncio.sleep(0.3)
+        assert not bench.on()
+
+    on_board(profile, test)
+
+
+def test_after_a_posted_stop_nothing_opens_until_it_is_released() -> None:
+    async def test(bench: Bench) -> None:
+        await asyncio.wrap_future(bench.relay.stop_lane.post("the event loop stalled"))
+        for opening in (bench.relay.pulse(Channel.VALVE, 0.3), bench.relay.switch(Channel.LAMP, True)):
+            with pytest.raises(DeviceRefused, match="the event loop stalled"):
+                await opening
+        await bench.relay.cancel(Channel.VALVE)
+        await bench.relay.all_off()
+        await bench.relay.read()
+        assert not bench.on()
+        bench.relay.stop_lane.release()
+        await bench.relay.pulse(Channel.VALVE, 0.3)
+        assert bench.on()
+
+    on_board("waveshare-8", test)
+
+
+def test_a_board_that_is_closed_or_gone_cannot_be_forced() -> None:
+    async def test(bench: Bench) -> None:
+        bench.bus.wire.unplug()
+        with pytest.raises(DeviceLost):
+            await asyncio.to_thread(bench.relay.stop_lane.force)
+        await until(lambda: not bench.master.port.connected)
+        with pytest.raises(DeviceLost, match="gone for"):
+            await asyncio.to_thread(bench.relay.stop_lane.force)
+
+    on_board("waveshare-8", test)
+
+
 def test_a_close_that_is_not_answered_is_tried_three_times() -> None:
     async def test(bench: Bench) -> None:
         await bench.relay.pulse(Channel.VALVE, 0.5)
