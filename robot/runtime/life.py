@@ -23,6 +23,7 @@ from robot.runtime.backends import require_timed_pulses
 from robot.runtime.devices import Devices
 from robot.runtime.gps_poll import GpsPoll
 from robot.runtime.host_watch import HostWatch
+from robot.runtime.modem_poll import ModemPoll
 from robot.runtime.notify import Notifier, managed
 from robot.runtime.operations import Operations, Ways
 from robot.runtime.recorder import FrameRecorder
@@ -55,6 +56,7 @@ class Life:
         self._upkeep = Upkeep(config, devices, ledger, self._mode_changed, self._trouble)
         self.actuation = self._upkeep.actuation
         self._gps = GpsPoll(devices.gps, self._localiser, settings, self.actuation, self._trouble)
+        self._modem = ModemPoll(devices.modem, bus, self._trouble)
         self._host = HostWatch(options.config_path, config.simulated, self.actuation, self._trouble)
         clock = asyncio.get_running_loop().time
         self.tasks = Tasks(ledger, self.actuation, today, remembers, clock, utc)
@@ -78,7 +80,7 @@ class Life:
         recorder = FrameRecorder(self._bus, frames_folder(self._options.folder))
         polls = (
             Poll("gps", "navigation", self._gps.step, 0.0, 3.0),
-            Poll("modem", "telemetry", self._poll_modem, 10.0, 30.0),
+            Poll("modem", "telemetry", self._modem.step, 10.0, 30.0),
             *self._host.polls,
         )
         async with self._upkeep.living(self._on_odometry, polls) as group:
@@ -157,9 +159,6 @@ class Life:
         if fence is not None and self._localiser.started:
             pose, sigma_m = self._localiser.pose, self._localiser.filter.position_sigma_m
             self.actuation.note_fence(fence.margin_m(pose.x_m, pose.y_m, sigma_m))
-
-    async def _poll_modem(self) -> None:
-        self._bus.publish(await self._devices.modem.status())
 
     def _mode_changed(self, state: safety.SafetyState) -> None:
         self._bus.publish(ModeChanged(state.mode, state.causes, asyncio.get_running_loop().time()))

@@ -10,7 +10,7 @@ import pytest
 from drivers.modem.emulated_sim import RECEIVED_READ, StoredPdu
 from drivers.modem.pdu import Deliver
 from drivers.modem.user_data import Alphabet, Part
-from drivers.twin.commands import WheelsDrive, WheelsStop, WorldEstop
+from drivers.twin.commands import WheelsDrive, WheelsStop, WorldEstop, WorldNetwork
 from robot import safety
 from robot.actuation import Actuation, Refused
 from robot.clock import run_virtual
@@ -56,6 +56,19 @@ def broken_texts(_stage: Stage) -> Seen:
         ),
     )  # fmt: skip
     return seen[0]
+
+
+def without_network(stage: Stage) -> Seen:
+    moments: list[float] = []
+
+    async def lose(world: World) -> None:
+        await world.until(State.AIM)
+        moments.append(world.now_s)
+        world.suffer(WorldNetwork(False))
+
+    run = spray_row(stage.folder, meddler=lose, **SHORT)
+    assert len(run.shots) == len(stage.undisturbed.shots)
+    return judged(run, moments[0], "modem: found without a network", "[F70a]", kept="the mission goes on")
 
 
 def heartbeat_lost(stage: Stage) -> Seen:
@@ -192,7 +205,8 @@ def estop_in_a_shot(stage: Stage) -> Seen:
 
 
 OPERATORS: Scenarios = {
-    "F70a": {"silent": failing("modem:off", State.AIM, 0.5, "modem", kept="the mission goes on")},
+    "F70a": {"silent": failing("modem:off", State.AIM, 0.5, "modem", kept="the mission goes on"),
+              "no network": without_network},
     "F70c": {"": broken_texts},
     "F70i": {"": heartbeat_lost},
     "F70j": {"": double_press},
