@@ -15,7 +15,7 @@ WORKERS ?= $(shell echo $$(($(CORES) * 3 / 2)))
 
 HOURS  ?= 72
 
-.PHONY: help demo test test-peers test-long soak check bench bench-vision train clean
+.PHONY: help demo test test-peers test-long soak check mutants bench bench-vision train clean
 
 help:
 	@echo "make demo       spray a simulated row and write a report (SEED=1 SPEED=10 CONFIG=configs/demo.toml)"
@@ -23,7 +23,8 @@ help:
 	@echo "make test-peers independent programs talk to our drivers and emulators (gpsd, mbpoll, gammu, smsd, rustypot, systemd)"
 	@echo "make test-long  the slow tests too"
 	@echo "make soak       the whole robot for 72 hours of virtual time, everything goes wrong (HOURS=72 SEED=1)"
-	@echo "make check      format, lint, types, architecture"
+	@echo "make check      lint, types, architecture; every branch of safety and ledger has a test"
+	@echo "make mutants    small errors put into the safety envelope one by one: every one must be found by its tests"
 	@echo "make bench      speed and memory, measured"
 	@echo "make bench-vision  how well and how fast both detectors and two rivals see: a page in out/bench-vision"
 	@echo "make train       the detector's networks anew (DATA=folder of greenhouse and tomato_photos; about an hour and a half)"
@@ -58,6 +59,15 @@ check: $(VENV)/.installed-dev
 	$(BIN)/ruff check .
 	$(BIN)/mypy
 	$(BIN)/lint-imports
+	$(BIN)/python -m pytest -q -n $(CORES) tests/robot/safety tests/robot/ledger --cov=robot/safety --cov=robot/ledger \
+	    --cov-branch --cov-fail-under=100 --cov-report=term:skip-covered
+
+$(VENV)/.installed-mutants: $(VENV)/.installed-dev
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[mutants]'
+	touch $@
+
+mutants: $(VENV)/.installed-mutants
+	$(BIN)/python -m tests.mutants
 
 bench: $(VENV)/.installed-dev
 	$(BIN)/python -m tests.bench

@@ -129,6 +129,7 @@ def test_a_reset_with_the_button_pressed_says_what_to_do():
         ({"tank_left_ml": 205.4}, "the tank holds 205 ml (reserve 200): refill it"),
         ({"battery_v": 22.04}, "the battery is at 22.0 V (low below 22.8): charge it"),
         ({"estop_pressed": True}, "the e-stop was pressed"),
+        ({"arm_torque_on": False}, "the arm has lost its torque: a servo started anew"),
     ],
 )
 def test_a_fault_of_the_readings_tells_a_person_what_is_wrong_and_since_when(change, text):
@@ -204,6 +205,23 @@ def test_a_shot_of_a_minute_ago_counts_no_more():
     assert authorise_spray(later, GOOD, SHOT, LIMITS, NOW_S)[1].reasons == (
         "rolling minute: 64.50 ml is over the cap of 60.00",
     )
+
+
+def test_what_earlier_runs_gave_in_the_last_minute_counts():
+    for age_s, allowed in ((59.9, False), (60.0, True)):
+        state = replace(AUTO, given=Given(recent=((NOW_S - age_s, 55.0),)))
+        assert authorise_spray(state, GOOD, SHOT, LIMITS, NOW_S)[1].allowed == allowed
+    early = replace(GOOD, sensors_s=5.0, odometry_s=5.0, arm_s=5.0, relay_s=5.0)
+    before_the_clock_began = replace(AUTO, given=Given(recent=((-50.0, 55.0),)))
+    _, decision = authorise_spray(before_the_clock_began, early, SHOT, LIMITS, 5.0)
+    assert decision.reasons == ("rolling minute: 60.50 ml is over the cap of 60.00",)
+    late = replace(GOOD, sensors_s=11.0, odometry_s=11.0, arm_s=11.0, relay_s=11.0)
+    assert authorise_spray(before_the_clock_began, late, SHOT, LIMITS, 11.0)[1].allowed
+
+
+def test_how_far_the_base_moved_is_told_in_millimetres():
+    _, decision = authorise_spray(AUTO, replace(GOOD, moved_since_frame_m=2.0), SHOT, LIMITS, NOW_S)
+    assert decision.reasons == ("the base moved 2000 mm since the target was seen",)
 
 
 def test_what_this_run_gave_counts_for_the_task():
