@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import shutil
 import time
 from collections import Counter
@@ -135,6 +136,8 @@ class Soak:
         self._court.t_s = max(self._court.t_s, self._now_s)
         self._bench.end()
         self._count(drawn, end)
+        del life
+        gc.collect()  # a process that has gone leaves nothing behind
         self._go_on(end)
 
     def _hand_over(self, drawn: Misfortunes) -> None:

@@ -8,36 +8,23 @@ import shutil
 from collections.abc import Awaitable, Callable, Coroutine
 from contextlib import AsyncExitStack
 from dataclasses import replace
-from functools import cache
 from pathlib import Path
 from typing import Any, TypeVar
-
-import numpy as np
 
 from drivers.errors import DeviceError
 from drivers.relay.values import Channel
 from drivers.twin import commands as c
 from drivers.twin.faults import Fault, FaultPlan
-from drivers.twin.machine import Twin
-from drivers.twin.nominal import Nominal
-from drivers.twin.plants import Greenhouse, grow
-from drivers.twin.scene import Scene
 from robot import safety
 from robot.actuation import Actuation, PulseOrder
-from robot.aiming import ArmModel
 from robot.clock import VirtualClockLoop
-from robot.config import Config, load_config
 from robot.errors import SprayerError
 from robot.ledger import Ledger
-from robot.mission.settings import DoseSettings
 from robot.mission.spray import full_pulse_ml
-from robot.navigation import Row
-from robot.package_files import packaged
 from robot.runtime import ModeChanged, ledger_path
 from robot.runtime.backends import BuildOptions, build_devices
-from robot.runtime.devices import nominal_machine
 from robot.runtime.resuming import given_before
-from robot.runtime.settings import dose_settings, load_arm, load_camera, load_row, task
+from robot.runtime.settings import task
 from robot.runtime.upkeep import Upkeep
 from robot.soak.composition import rules_of
 from robot.soak.life import WallClock
@@ -45,47 +32,12 @@ from robot.soak.machine_line import MachineLine
 from robot.soak.machine_truth import MachineTruth
 from robot.soak.monitors import ACTING, Account, Bench, Court, Leases, Liveness, Motion, Openings, Permission
 from robot.soak.watch import Watch, WatchedBus
+from tests.properties.rover_parts import DEMO, parts
 from tests.robot.machine import a_target, gentle
 
 T = TypeVar("T")
-DEMO = packaged("configs") / "demo.toml"
 TARGETS = 4
 PRESSURE_S = 1.5  # until the pump has it up
-
-
-class Dark:
-    """A camera in which nothing can be seen; what matters is when it was asked."""
-
-    def render(self, row_from_camera, light, exposure_s=0.004, gain=1.0, arm=(), frame=0):
-        return np.zeros((2, 2, 3), np.uint8), np.zeros((2, 2, 3), np.uint8)
-
-    def truth(self, row_from_camera, arm=()):
-        return ()
-
-
-class Parts:
-    """What is the same in every example and never changes."""
-
-    def __init__(self) -> None:
-        self.config: Config = load_config(DEMO)
-        self.row: Row = load_row(self.config, DEMO)
-        model, urdf = load_arm(self.config, DEMO)
-        self.arm: ArmModel = model
-        self.nominal: Nominal = nominal_machine(self.config, load_camera(self.config, DEMO), urdf)
-        self.scene = Scene(seed=1, row_length_m=1.0, fruits_per_plant=0.0, leaf_density=0.0)
-        self.greenhouse: Greenhouse = grow(self.scene)
-        self.dose: DoseSettings = dose_settings(self.config)
-
-    def twin(self, seed: int) -> Twin:
-        twin = Twin(self.nominal, self.scene, seed)
-        twin.greenhouse = self.greenhouse
-        twin.renderer = Dark()
-        return twin
-
-
-@cache
-def parts() -> Parts:
-    return Parts()
 
 
 Hands = Callable[[Actuation], Actuation]

@@ -5,6 +5,7 @@ import asyncio
 import pytest
 
 from drivers.relay.values import Channel
+from drivers.twin.faults import Fault, FaultPlan, Verb
 from robot import safety
 from robot.actuation import Refused
 from robot.clock import run_virtual
@@ -84,6 +85,21 @@ def test_stop_shuts_the_valve_in_mid_shot_halts_and_latches(tmp_path):
     assert later_ml == after_ml <= result.booked_ml
     assert state.mode is safety.Mode.SAFE_STOP
     assert state.causes == ("test",)
+
+
+def test_a_shot_cut_short_without_a_flow_reading_is_booked_full_and_not_as_whole(tmp_path):
+    async def main():
+        async with machine(tmp_path) as m:
+            await m.ready_to_spray()
+            shot = asyncio.create_task(m.spray(1.0))
+            await asyncio.sleep(0.3)
+            m.twin.physics.plan = FaultPlan([Fault("inputs", Verb.UNPLUGGED)])
+            await m.actuation.stop("test")
+            return await shot, m.order(1.0).full_ml, m.twin.dispensed_ml
+
+    result, full_ml, given_ml = run_virtual(main())
+    assert result.outcome is Outcome.SHORTENED
+    assert result.booked_ml == full_ml > given_ml > 0.0
 
 
 def test_nothing_is_sprayed_or_moved_while_disarmed(tmp_path):

@@ -40,6 +40,42 @@ def test_work_arrives_exactly_when_its_modelled_duration_is_over_at_any_pace(pac
     assert ticks == pytest.approx([0.1, 0.2, 0.3])
 
 
+def without_threads(main):
+    with asyncio.Runner(loop_factory=lambda: VirtualClockLoop(threads=False)) as runner:
+        return runner.run(main)
+
+
+def test_without_threads_work_takes_its_modelled_duration_all_the_same():
+    async def main() -> tuple[int, float]:
+        answer = await work(lambda: 42, 0.35)
+        return answer, asyncio.get_running_loop().time()
+
+    assert without_threads(main()) == (42, 0.35)
+
+
+def test_without_threads_an_error_of_the_work_comes_when_the_work_is_over():
+    async def main() -> float:
+        with pytest.raises(ZeroDivisionError):
+            await work(lambda: 1 // 0, 0.35)
+        return asyncio.get_running_loop().time()
+
+    assert without_threads(main()) == 0.35
+
+
+def test_without_threads_a_cancelled_caller_leaves_and_the_work_is_done():
+    done: list[str] = []
+
+    async def main() -> None:
+        caller = asyncio.create_task(work(lambda: done.append("work"), 10.0))
+        await asyncio.sleep(1.0)
+        caller.cancel()
+        with pytest.raises(asyncio.CancelledError):
+            await caller
+
+    without_threads(main())
+    assert done == ["work"]
+
+
 def test_the_clock_waits_for_work_that_is_slower_than_its_model():
     async def main() -> tuple[float, float]:
         loop = asyncio.get_running_loop()

@@ -13,6 +13,8 @@ from robot.soak.machine_truth import MachineTruth
 from robot.soak.values import Line, Rules, Violation
 
 KEPT_LINES = 40
+ACTING = (Mode.AUTO, Mode.MANUAL)
+LATCHED = (Mode.SAFE_STOP, Mode.ESTOP)
 
 
 @dataclass(slots=True, eq=False)
@@ -137,7 +139,3 @@ class Bench:
         for result in self.court.ledger.refresh():
             for monitor in self.monitors:
                 monitor.booked(result)
-
-
-ACTING = (Mode.AUTO, Mode.MANUAL)
-LATCHED = (Mode.SAFE_STOP, Mode.ESTOP)
