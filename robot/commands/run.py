@@ -20,7 +20,7 @@ from robot.clock import RealClockLoop, run_real, run_virtual
 from robot.commands.event_log import EventLog
 from robot.commands.live import LiveView
 from robot.config import MAX_SEED, Config, load_config
-from robot.errors import UsageError
+from robot.errors import FileError, UsageError
 from robot.events import Bus
 from robot.ledger import LedgerReader
 from robot.logs import journal_handler
@@ -29,6 +29,8 @@ from robot.package_files import config_file
 from robot.runtime import EmulatorOptions, RunOptions, RunResult, StopSignals, emulator_process, ledger_path, run_robot
 from robot.runtime.devices import fault_plan
 from robot.targets import TargetState
+
+DISK_FAULTS = ("[F36]", "[F38]")  # the ledger could not be written
 
 ConfigOption = Annotated[Path, typer.Option("--config", help="Configuration file, or the name of one that came along.")]
 SeedOption = Annotated[
@@ -86,6 +88,9 @@ def run(
         result = run_with_view(settings, options, speed, signals, emulate)
         if file is not None:
             file.write(json.dumps(describe(result, options.folder), indent=2).encode("utf-8") + b"\n")
+    for cause in result.causes:
+        if cause.endswith(DISK_FAULTS):
+            raise FileError(cause)
     return 0 if result.state is State.DONE or not start or _stopped_by_signal(result) else 1
 
 
