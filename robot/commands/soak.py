@@ -48,11 +48,13 @@ class _Progress:
     def __init__(self, hours: float) -> None:
         self._hours = hours
         self._told_s = time.monotonic()
+        self._broken = 0
 
     def __call__(self, tally: Tally, broken: int) -> None:
         now_s = time.monotonic()
-        if now_s - self._told_s < TOLD_EVERY_S:
+        if now_s - self._told_s < TOLD_EVERY_S and broken == self._broken:
             return
+        self._broken = broken
         self._told_s = now_s
         speed = tally.simulated_s / max(tally.real_s, 1e-9)
         sys.stderr.write(

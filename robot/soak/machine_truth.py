@@ -78,6 +78,11 @@ class MachineTruth:
         """What ``device`` does wrong at this moment."""
         return self.twin.physics.plan.verb(device, self.twin.physics.t_s)
 
+    @property
+    def was_sound(self) -> bool:
+        """Whether nothing was wrong with any device under the process before."""
+        return not self._former
+
     def before_another_plan(self) -> None:
         """The next process will have other faults; what the present ones did may still show for a while."""
         now_s = self.twin.physics.t_s

@@ -147,7 +147,7 @@ class Soak:
         there_s, was_s = self._now_s, twin.physics.t_s
         twin.begin(self._watch, drawn.plan)
         self._watch.origin_s = court.t_s = there_s + (twin.physics.t_s - was_s)
-        court.clean = not (drawn.faults or drawn.mishaps)
+        court.clean = not (drawn.faults or drawn.mishaps) and court.truth.was_sound
         self._bench.begin()
 
     def _go_on(self, end: LifeEnd) -> None:

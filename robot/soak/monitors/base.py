@@ -23,8 +23,8 @@ class Court:
 
     ``mode`` is what the robot says of itself, DISARMED where a life begins; ``left_s`` when it last left AUTO or
     MANUAL, ``latched_s`` when it last was stopped, ``killed_s`` when the process was killed; None before.
-    ``clean`` is a life in which nothing was done to the machine; ``resume_asked`` whether a person asked for the resume
-    that may come.
+    ``clean`` is a life in which nothing was done to the machine, nor in the one before; ``resume_asked`` whether a
+    person asked for the resume that may come.
     """
 
     truth: MachineTruth
