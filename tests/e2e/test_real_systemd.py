@@ -265,6 +265,8 @@ def test_udev_names_a_port_and_keeps_others_off(computer: Box) -> None:
 
 
 def test_the_installation_goes_away_and_leaves_what_is_the_operators(computer: Box) -> None:
+    edited = "/etc/sprayer/rover.toml"
+    computer.put(edited, computer.run("cat", edited) + "# ours\n")
     said = computer.run(PROGRAM, "install", "--program", PROGRAM, "--uninstall")
     assert "keep /etc/sprayer/rover.toml (yours)" in said
     assert "could not be found" in computer.run("systemctl", "status", FAILED, ok=(4,))
