@@ -40,6 +40,7 @@ class Account(Monitor):
         self._true_target_ml: dict[int, float] = {}
         self._intent: IntentSeen | None = None
         self._sound_at_opening = True
+        self._books_anothers_shot = False
         self._row_disobeyed_ml = 0.0
 
     def new_row(self) -> None:
@@ -53,6 +54,7 @@ class Account(Monitor):
 
     def begin(self) -> None:
         self._life_booked_ml, self._life_true_ml = self.court.ledger.booked_ml, self._obeyed_ml()
+        self._books_anothers_shot = self.court.ledger.pending_ml > 0.0  # of the life before, which was killed in it
 
     def line(self, line: Line) -> None:
         if is_valve_pulse(line):
@@ -78,7 +80,8 @@ class Account(Monitor):
         self._compare("after the life")
         booked_ml = self.court.ledger.booked_ml - self._life_booked_ml
         true_ml = self._obeyed_ml() - self._life_true_ml
-        if self.court.clean and true_ml > FAULTLESS_FROM_ML and booked_ml > (1.0 + FAULTLESS_SHARE) * true_ml:
+        exact = self.court.clean and not self._books_anothers_shot
+        if exact and true_ml > FAULTLESS_FROM_ML and booked_ml > (1.0 + FAULTLESS_SHARE) * true_ml:
             self.court.report("P9", f"a life without faults booked {booked_ml:.2f} ml, {true_ml:.2f} ml were sprayed")
 
     @property
