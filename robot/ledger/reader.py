@@ -204,17 +204,18 @@ class LedgerReader:
         rows = self._rows(
             "SELECT id, run_id, kind, text, stamp_s, utc FROM event WHERE kind = ? ORDER BY id DESC LIMIT 1", kind
         )
-        return EventRow(*rows[0][:5], utc_of(rows[0][5])) if rows else None
+        return _event_of(rows[0]) if rows else None
 
     def events(self, *kinds: str) -> tuple[EventRow, ...]:
         """Events of all runs in the order of writing; of these kinds, or all."""
         rows = self._rows("SELECT id, run_id, kind, text, stamp_s, utc FROM event ORDER BY id")
-        return tuple(
-            EventRow(number, run_id, kind, text, stamp_s, utc_of(utc))
-            for number, run_id, kind, text, stamp_s, utc in rows
-            if not kinds or kind in kinds
-        )
+        return tuple(_event_of(row) for row in rows if not kinds or row[2] in kinds)
 
     def _rows(self, query: str, *values: object) -> Sequence[Any]:
         with self._one_at_a_time, readable_errors(self.path):
             return self._connection.execute(query, values).fetchall()
+
+
+def _event_of(row: Sequence[Any]) -> EventRow:
+    number, run_id, kind, text, stamp_s, utc = row
+    return EventRow(number, run_id, kind, text, stamp_s, utc_of(utc))

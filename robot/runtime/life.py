@@ -64,8 +64,8 @@ class Life:
             config.robot.name, stops, self._upkeep, self.tasks, ledger, devices.ports, bus
         )
         self.operations = Operations(
-            today, config.fluid.tank_ml, stops, self._lamp, self._upkeep, self.tasks, self._rows, self._localiser, self._report,
-            Ways(self._place, self.check_board, self._trouble),
+            today, config.fluid.tank_ml, stops, self._lamp, self._upkeep, self.tasks, self._rows, self._localiser,
+            self._report, Ways(self._place, self.check_board, self._trouble),
         )  # fmt: skip
 
     def check_board(self) -> None:

@@ -41,8 +41,8 @@ class Operations:
     contactor."""
 
     def __init__(
-        self, today: Task, tank_ml: float, stops: int, lamp: bool, upkeep: Upkeep, tasks: Tasks, rows: Rows, localiser: Localiser,
-        report: StateReport, ways: Ways,
+        self, today: Task, tank_ml: float, stops: int, lamp: bool, upkeep: Upkeep, tasks: Tasks, rows: Rows,
+        localiser: Localiser, report: StateReport, ways: Ways,
     ) -> None:  # fmt: skip
         self._today, self._tank_ml, self._stops, self._lamp = today, tank_ml, stops, lamp
         self._upkeep, self._tasks, self._rows, self._localiser = upkeep, tasks, rows, localiser
@@ -134,12 +134,14 @@ class Operations:
         """The tank was filled: the balance goes on from ``tank_ml``."""
         if not 0.0 < tank_ml <= self._tank_ml:
             raise Declined(
-                f"a refill of {tank_ml:g} ml: expected what the tank holds now, above 0 and at most {self._tank_ml:g} ml "
-                "(fluid.tank_ml)"
+                f"a refill to {tank_ml:g} ml: expected what the tank holds now, more than 0 and at most "
+                f"{self._tank_ml:g} ml (fluid.tank_ml)"
             )
         number = await self._tasks.to_refill_for()
-        if self._actuation.state.mode in _ACTING or self._actuation.shot_under_way:
-            raise Declined(f"a tank is not filled in mode {self._actuation.state.mode}; pause or stop first")
+        if self._actuation.state.mode in _ACTING:
+            raise Declined(f"the tank is not filled in mode {self._actuation.state.mode}; pause or stop first")
+        if self._actuation.shot_under_way:
+            raise Declined("a shot is not booked yet; ask again in a second")
         await self._tasks.refill(number, tank_ml, cause)
 
     async def disarm(self, cause: str) -> None:
