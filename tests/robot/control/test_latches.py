@@ -122,15 +122,3 @@ def test_a_start_at_the_command_line_does_not_talk_past_a_button_that_is_still_p
     with pytest.raises(ExceptionGroup) as caught:
         spray_row(tmp_path, meddler=press, **TINY)
     assert caught.group_contains(Exception, match="cannot arm: .*the e-stop was pressed")
-
-
-def clogged(folder, orders, from_s: float):  # type: ignore[no-untyped-def]
-    """The flow meter sees nothing from then on."""
-    return lives(folder, orders, faults=(f"inputs:stuck@{from_s:.2f}s+30s",), **LONGER)
-
-
-async def until_f66(world: World, machine: Machine) -> None:
-    await begin(machine)
-    await world.until_valve_opens()
-    await until_mode(machine, Mode.SAFE_STOP)
-    assert "F66" in [fault.fault for fault in (await machine.status()).faults]
