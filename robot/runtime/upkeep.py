@@ -9,8 +9,7 @@ from dataclasses import dataclass
 
 from drivers.wheels.values import Odometry
 from robot import safety
-from robot.actuation import LEDGER_WRITE_S, Actuation
-from robot.clock import work
+from robot.actuation import Actuation
 from robot.config import Config
 from robot.errors import UnavailableError
 from robot.ledger import Ledger
@@ -101,7 +100,7 @@ class Upkeep:
             await self.actuation.nozzle_checked(self._operator)
 
     async def _take_up(self, attended: bool) -> None:
-        last = await work(lambda: self._ledger.last_event(MODE_EVENT), LEDGER_WRITE_S)
+        last = self._ledger.last_event(MODE_EVENT)  # nothing is polled yet that this could hold up
         former = safety.taken_up(last.text if last is not None else "")
         if former.mode not in safety.LATCHED:
             return
