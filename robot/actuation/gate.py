@@ -33,6 +33,10 @@ class Gate:
         self._enter(state)
         return decision
 
+    def take_up(self, former: safety.SafetyState) -> None:
+        """Go on in the latch that an earlier run ended in, before anything is asked."""
+        self._enter(replace(self.state, mode=former.mode, causes=former.causes))
+
     def report(self, fault_id: str, text: str) -> None:
         """Take a fault of the catalogue in, with its effect on the mode."""
         self._enter(safety.report_fault(self.state, fault_id, text, now_s()))

@@ -93,6 +93,11 @@ class Actuation:
     def all_reported(self) -> bool:
         return self._readings.inputs() is not None
 
+    @property
+    def shot_under_way(self) -> bool:
+        """From the authorisation of a shot until it is booked."""
+        return self._liquid.shot_under_way
+
     def mark_frame(self) -> None:
         """The base stands where it stood when the newest frame was taken: motion is counted from here."""
         self._readings.frame_mark = self._readings.odometry
@@ -170,6 +175,10 @@ class Actuation:
             await self._let_go()
         elif worst is safety.Action.INHIBIT_SPRAY:
             self._liquid.interrupt("; ".join(fault.text for fault in fresh))
+
+    def take_up(self, former: safety.SafetyState) -> None:
+        """Come up in the latch that an earlier run ended in; nothing moves yet."""
+        self._gate.take_up(former)
 
     def change_mode(self, verb: safety.Verb, cause: str) -> safety.Decision:
         """Arm, start, operate, resume, finish, acknowledge, reset. What ends motion is ``stop``, ``emergency_stop``,

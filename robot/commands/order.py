@@ -42,7 +42,7 @@ def socket_of(socket: Path | None, config: Path | None) -> Path:
     return find_socket((*places, SERVICE_SOCKET))
 
 
-def order(place: Path, verb: str, **values: str) -> Answer:
+def order(place: Path, verb: str, **values: str | float) -> Answer:
     """Give one order. ``NotDone`` with the robot's reasons when it does not do it."""
     answer = ask(place, "POST", f"/v1/{verb}", values)
     if not answer.ok:
@@ -85,6 +85,17 @@ def start(
     return 0
 
 
+def refill(
+    tank_ml: Annotated[float, typer.Argument(metavar="ML", help="What the tank holds now, in millilitres.")],
+    socket: SocketOption = None,
+    config: ConfigOption = None,
+) -> int:
+    """The tank was filled: a pause because it ran low ends by itself, and the row goes on."""
+    body = order(socket_of(socket, config), "refill", tank_ml=tank_ml, cause="refill at the command line").body
+    sys.stdout.write(f"{body['tank_ml']:g} ml in the tank, {body['mode']}\n")
+    return 0
+
+
 def verb(name: str, help_text: str) -> Callable[..., int]:
     """A command that gives one order and says the mode that followed."""
 
@@ -110,5 +121,6 @@ def add_to(app: typer.Typer) -> None:
     """Every order but ``arm``, which the servos' commands hold, and ``status``."""
     app.command()(stop)
     app.command()(start)
+    app.command()(refill)
     for name, help_text in VERBS.items():
         app.command(name)(verb(name, help_text))

@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import difflib
 import json
+import math
 from collections.abc import Mapping
 
 from aiohttp import web
@@ -43,6 +44,17 @@ async def fields_of(request: web.Request, known: tuple[str, ...]) -> Mapping[str
             hint = f"did you mean '{near[0]}'?" if near else f"known: {', '.join(known)}"
             raise Malformed(f"unknown field '{name[:TEXT_MAX]}'; {hint}")
     return values
+
+
+def number_field(values: Mapping[str, object], name: str) -> float:
+    """A field that must be there and hold a number; one beyond all bounds is infinite."""
+    value = values.get(name)
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        raise Malformed(f"'{name}': expected a number, found {'nothing' if value is None else type(value).__name__}")
+    try:
+        return float(value)
+    except OverflowError:
+        return math.inf
 
 
 def text_field(values: Mapping[str, object], name: str, otherwise: str) -> str:

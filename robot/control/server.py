@@ -17,7 +17,7 @@ from drivers.errors import DeviceError
 from robot.control.confirming import TOKEN_LIVES_S, Offers
 from robot.control.machine import Declined, Machine, TaskChoice
 from robot.control.metrics import CONTENT_TYPE, metrics_text
-from robot.control.requests import BODY_MAX_BYTES, Malformed, fields_of, text_field
+from robot.control.requests import BODY_MAX_BYTES, Malformed, fields_of, number_field, text_field
 from robot.control.socket_file import ControlSocket
 from robot.errors import SprayerError
 from robot.logs import fields
@@ -95,6 +95,7 @@ class Api:
             ("POST", "/v1/acknowledge"): self._verb(machine.acknowledge),
             ("POST", "/v1/reset"): self._verb(machine.reset),
             ("POST", "/v1/disarm"): self._verb(machine.disarm),
+            ("POST", "/v1/refill"): self._refill,
         }
 
     def application(self) -> web.Application:
@@ -168,6 +169,15 @@ class Api:
             plan = self._offers.take(token)
             _log.info("start confirmed", extra=fields(cause=cause, plan=plan.summary()))
             return web.json_response({"task": await self._machine.start(plan, cause)})
+
+    async def _refill(self, request: web.Request) -> web.StreamResponse:
+        values = await fields_of(request, ("tank_ml", "cause"))
+        tank_ml, cause = number_field(values, "tank_ml"), text_field(values, "cause", f"refill {BY_API}")
+        async with self._one_verb:
+            await self._machine.refill(tank_ml, cause)
+            status = await self._machine.status()
+        _log.info("refill", extra=fields(cause=cause, tank_ml=tank_ml))
+        return web.json_response({"mode": status.mode, "causes": status.causes, "tank_ml": tank_ml})
 
     def _verb(self, verb: Callable[[str], Awaitable[None]]) -> Handler:
         async def handle(request: web.Request) -> web.StreamResponse:

@@ -16,6 +16,7 @@ from robot.ledger.records import (
     TaskRow,
     Totals,
 )
+from robot.ledger.refills import Refill
 from robot.ledger.sums import Recent, Sums, cell_of
 from robot.ledger.values import Checkpoint, Dangling, Intent, Leak, Outcome, Result, Task
 from robot.ledger.writing import LedgerRuleError, wall_clock
@@ -36,6 +37,7 @@ __all__ = [
     "Outcome",
     "Parcel",
     "Recent",
+    "Refill",
     "ReleaseRow",
     "Result",
     "ShotRow",

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import sqlite3
 from collections.abc import Sequence
 from datetime import datetime
@@ -11,6 +12,7 @@ from robot.ledger.certainty import last_intent, unclear
 from robot.ledger.columns import light_columns, target_columns
 from robot.ledger.outbox import Parcel
 from robot.ledger.records import StopRecord
+from robot.ledger.refills import REFILL, refill_text
 from robot.ledger.values import Checkpoint, Dangling, Intent, Leak, Outcome, Result, Task
 from robot.ledger.writing import LedgerRuleError, LedgerWriter, in_utc, new_id
 from robot.targets.values import Target, TargetState
@@ -250,6 +252,15 @@ class Ledger(LedgerWriter):
                 outbox.put(db, self._run(), outbox.parcel_of_event(kind), new_id(row))
 
         self._must_be_kept(write)
+
+    def write_refill(self, task_id: int, tank_ml: float, cause: str, stamp_s: float) -> None:
+        """An operator's word that the tank held this much at ``stamp_s``, while no shot was under way.
+
+        ``LedgerRuleError`` unless it is above 0.
+        """
+        if not 0.0 < tank_ml < math.inf:
+            raise LedgerRuleError(f"{self.path}: a refill is of more than 0 ml, found {tank_ml}")
+        self.record_event(REFILL, refill_text(task_id, tank_ml, cause), stamp_s)
 
     def _mark(self, db: sqlite3.Connection, task_id: int | None, count_ml: float | None) -> None:
         if count_ml is not None:

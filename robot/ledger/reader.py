@@ -16,6 +16,7 @@ from robot.ledger.database import open_for_reading, readable_errors
 from robot.ledger.from_columns import SHOT_COLUMNS, shot_of, stop_of, target_of, utc_of
 from robot.ledger.outbox import OutboxRow, Parcel
 from robot.ledger.records import EventRow, LeakRow, MeterMark, ReleaseRow, ShotRow, StopRow, TaskRow, Totals
+from robot.ledger.refills import BOOKED_SINCE, REFILLS, Refill, refill_of
 from robot.ledger.sums import GIVEN, MINUTE, Given, Sums, add_up, day_of
 from robot.ledger.values import Checkpoint, Dangling, Leak, Outcome, Task
 from robot.targets.values import Target
@@ -136,6 +137,15 @@ class LedgerReader:
         ]
         return add_up(given, task_id, self.task(task_id).route, now)
 
+    def last_refill(self, task_id: int) -> Refill | None:
+        """The newest refill of the tank while this was the task; None when there was none."""
+        refills = (refill_of(*row) for row in self._rows(REFILLS))
+        return next((refill for refill in refills if refill.task_id == task_id), None)
+
+    def booked_since_ml(self, refill: Refill) -> float:
+        """What left the tank since then, or may have: shots of every task, those without an outcome in full, leaks."""
+        return float(self._rows(BOOKED_SINCE, refill.run_id, refill.stamp_s)[0][0])
+
     def flow_history(self, count: int) -> tuple[tuple[float, float], ...]:
         """(millilitres by the flow model, by the meter) of the newest whole shots, oldest first; at most ``count``.
 
@@ -189,15 +199,23 @@ class LedgerReader:
         )
         return tuple(StopRow(row[0], stop_of(row[2:]), utc_of(row[1])) for row in rows)
 
+    def last_event(self, kind: str) -> EventRow | None:
+        """The newest event of this kind, of any run; None when there is none."""
+        rows = self._rows(
+            "SELECT id, run_id, kind, text, stamp_s, utc FROM event WHERE kind = ? ORDER BY id DESC LIMIT 1", kind
+        )
+        return _event_of(rows[0]) if rows else None
+
     def events(self, *kinds: str) -> tuple[EventRow, ...]:
         """Events of all runs in the order of writing; of these kinds, or all."""
         rows = self._rows("SELECT id, run_id, kind, text, stamp_s, utc FROM event ORDER BY id")
-        return tuple(
-            EventRow(number, run_id, kind, text, stamp_s, utc_of(utc))
-            for number, run_id, kind, text, stamp_s, utc in rows
-            if not kinds or kind in kinds
-        )
+        return tuple(_event_of(row) for row in rows if not kinds or row[2] in kinds)
 
     def _rows(self, query: str, *values: object) -> Sequence[Any]:
         with self._one_at_a_time, readable_errors(self.path):
             return self._connection.execute(query, values).fetchall()
+
+
+def _event_of(row: Sequence[Any]) -> EventRow:
+    number, run_id, kind, text, stamp_s, utc = row
+    return EventRow(number, run_id, kind, text, stamp_s, utc_of(utc))

@@ -66,8 +66,8 @@ class Life:
             config.robot.name, stops, self._upkeep, self.tasks, ledger, devices.ports, bus
         )
         self.operations = Operations(
-            today, stops, self._lamp, self._upkeep, self.tasks, self._rows, self._localiser, self._report,
-            Ways(self._place, self.check_board, self._trouble),
+            today, config.fluid.tank_ml, stops, self._lamp, self._upkeep, self.tasks, self._rows, self._localiser,
+            self._report, Ways(self._place, self.check_board, self._trouble),
         )  # fmt: skip
 
     def check_board(self) -> None:
@@ -83,7 +83,7 @@ class Life:
             Poll("modem", "telemetry", self._modem.step, 10.0, 30.0),
             *self._host.polls,
         )
-        async with self._upkeep.living(self._on_odometry, polls) as group:
+        async with self._upkeep.living(self._on_odometry, polls, self._options.start) as group:
             supervisor = self._upkeep.supervisor
             assert supervisor is not None
             recording = supervisor.keep("frame recorder", "runtime", recorder.run)

@@ -11,6 +11,7 @@ from robot.errors import FileError
 from robot.ledger import Ledger, LedgerRuleError
 
 RETRY_S = 1.0
+MODE_EVENT = "mode"
 
 
 class ModeLog:
@@ -66,4 +67,4 @@ class ModeLog:
             self.problem = ""
 
     def _record(self, text: str, stamp_s: float) -> None:
-        self._ledger.record_event("mode", text, stamp_s)
+        self._ledger.record_event(MODE_EVENT, text, stamp_s)

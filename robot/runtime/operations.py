@@ -18,7 +18,9 @@ from robot.runtime.rows import Rows
 from robot.runtime.state_report import StateReport
 from robot.runtime.tasks import OpenTask, Tasks
 from robot.runtime.upkeep import Upkeep
-from robot.safety import MODE_CHANGES, Verb
+from robot.safety import MODE_CHANGES, Mode, Verb
+
+_ACTING = (Mode.AUTO, Mode.MANUAL)
 
 
 @dataclass(frozen=True, slots=True)
@@ -35,13 +37,14 @@ class Ways:
 
 
 class Operations:
-    """The runtime's side of ``robot.control.Machine``. ``lamp``: it is lit with the contactor."""
+    """The runtime's side of ``robot.control.Machine``. ``tank_ml`` goes into the tank; ``lamp``: it is lit with the
+    contactor."""
 
     def __init__(
-        self, today: Task, stops: int, lamp: bool, upkeep: Upkeep, tasks: Tasks, rows: Rows, localiser: Localiser,
-        report: StateReport, ways: Ways,
+        self, today: Task, tank_ml: float, stops: int, lamp: bool, upkeep: Upkeep, tasks: Tasks, rows: Rows,
+        localiser: Localiser, report: StateReport, ways: Ways,
     ) -> None:  # fmt: skip
-        self._today, self._stops, self._lamp = today, stops, lamp
+        self._today, self._tank_ml, self._stops, self._lamp = today, tank_ml, stops, lamp
         self._upkeep, self._tasks, self._rows, self._localiser = upkeep, tasks, rows, localiser
         self._report, self._ways = report, ways
         self._mode_changes = 0
@@ -127,6 +130,20 @@ class Operations:
     async def reset(self, cause: str) -> None:
         await self._unlatch(Verb.RESET, cause)
 
+    async def refill(self, tank_ml: float, cause: str) -> None:
+        """The tank was filled: the balance goes on from ``tank_ml``."""
+        if not 0.0 < tank_ml <= self._tank_ml:
+            raise Declined(
+                f"a refill to {tank_ml:g} ml: expected what the tank holds now, more than 0 and at most "
+                f"{self._tank_ml:g} ml (fluid.tank_ml)"
+            )
+        number = await self._tasks.to_refill_for()
+        if self._actuation.state.mode in _ACTING:
+            raise Declined(f"the tank is not filled in mode {self._actuation.state.mode}; pause or stop first")
+        if self._actuation.shot_under_way:
+            raise Declined("a shot is not booked yet; ask again in a second")
+        await self._tasks.refill(number, tank_ml, cause)
+
     async def disarm(self, cause: str) -> None:
         """Out of any mode but a latched one: what moves is halted, every output off, the arm holds."""
         self._demand(await self._actuation.disarm(cause))
@@ -136,8 +153,10 @@ class Operations:
     async def _unlatch(self, verb: Verb, cause: str) -> None:
         self._demand_possible(verb)
         await self._wound_down()
+        former = self._actuation.state
         self._demand(self._actuation.change_mode(verb, cause))
         await self._de_energise()
+        await self._upkeep.acknowledged(former)
 
     async def _wound_down(self) -> None:
         if not await self._rows.wound_down():

@@ -40,6 +40,15 @@ def taken_by_hand_ml(ledger: Ledger, task_id: int) -> float:
     return sum(ledger.totals(number).booked_ml for number in later if ledger.task(number).route == BY_HAND)
 
 
+def tank_left_ml(ledger: Ledger, task_id: int, fill_ml: float, given_ml: float) -> float:
+    """The tank's balance: the newest refill of the task less everything booked since, or else what was filled in at its
+    start, ``fill_ml``, less what it gave, ``given_ml``, and what was sprayed by hand since."""
+    refill = ledger.last_refill(task_id)
+    if refill is not None:
+        return refill.tank_ml - ledger.booked_since_ml(refill)
+    return fill_ml - given_ml - taken_by_hand_ml(ledger, task_id)
+
+
 def given_before(ledger: Ledger, task_id: int, utc: datetime, now_s: float) -> safety.Given:
     """What counts for the caps of a task that begins or goes on at ``utc``, which is ``now_s`` on the loop's clock.
 

@@ -14,7 +14,7 @@ from robot.errors import ConfigError, UsageError
 from robot.ledger import Ledger
 from robot.ledger.values import Checkpoint, Task
 from robot.mission import Progress, State, rewound
-from robot.runtime.resuming import BY_HAND, given_before, taken_by_hand_ml, task_to_resume
+from robot.runtime.resuming import BY_HAND, given_before, tank_left_ml, task_to_resume
 
 
 @dataclass(slots=True, eq=False)
@@ -66,6 +66,23 @@ class Tasks:
             self._actuation.begin_task(task.id, task.left_ml, task.given)
             self.current = task
 
+    async def to_refill_for(self) -> int:
+        """The task whose tank may be filled again. ``Declined`` without an unfinished one."""
+        number = await work(self._unfinished, LEDGER_WRITE_S)
+        if number is None:
+            raise Declined(
+                f"no task is unfinished, and a new one begins with {self._today.tank_fill_ml:.0f} ml in the tank "
+                "(task.tank_fill_ml); fill in as much, and start it"
+            )
+        return number
+
+    async def refill(self, number: int, tank_ml: float, cause: str) -> None:
+        """The tank holds ``tank_ml`` from this moment on: on disk first, then for the mission that goes on."""
+        before_ml, stamp_s = self._actuation.tank_left_ml, self._clock()
+        await work(lambda: self._ledger.write_refill(number, tank_ml, cause, stamp_s), LEDGER_WRITE_S)
+        meanwhile_ml = before_ml - self._actuation.tank_left_ml
+        self._actuation.refilled(tank_ml - meanwhile_ml)
+
     async def plan(self, choice: TaskChoice) -> tuple[int | None, int, float, float]:
         """(the task to go on with or None, its first stop, millilitres in the tank, millilitres the label leaves)."""
         number = None if choice is TaskChoice.NEW else await work(self._unfinished, LEDGER_WRITE_S)
@@ -113,4 +130,4 @@ class Tasks:
         return given_before(self._ledger, task_id, self._utc(), self._clock())
 
     def _left_ml(self, task_id: int, given_ml: float) -> float:
-        return self._today.tank_fill_ml - given_ml - taken_by_hand_ml(self._ledger, task_id)
+        return tank_left_ml(self._ledger, task_id, self._today.tank_fill_ml, given_ml)

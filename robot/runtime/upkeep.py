@@ -14,7 +14,7 @@ from robot.config import Config
 from robot.errors import UnavailableError
 from robot.ledger import Ledger
 from robot.runtime.devices import Devices
-from robot.runtime.mode_log import ModeLog
+from robot.runtime.mode_log import MODE_EVENT, ModeLog
 from robot.runtime.settings import hand_settings, limits
 from robot.runtime.stall_watch import CAUSE, StallWatch, stop_lanes
 from robot.safety.failsafe import TASK_FAULTS, fault_of
@@ -22,6 +22,7 @@ from robot.supervision import Health, Supervisor, TaskHealth
 
 FIRST_READINGS_S = 3.0
 STALLED = "F30"
+NOZZLE = "F66"  # "check the nozzle": over once an operator says so
 WATCH_SILENCE_S = 3.0  # a loop without a beat is the watch's business; this is about the watch
 _MUST_STOP = (safety.Mode.AUTO, safety.Mode.MANUAL, safety.Mode.PAUSED, safety.Mode.SAFE_STOP, safety.Mode.ESTOP)
 
@@ -44,7 +45,8 @@ class Upkeep:
         self, config: Config, devices: Devices, ledger: Ledger, on_mode: Callable[[safety.SafetyState], None],
         on_trouble: Callable[[str], None],
     ) -> None:  # fmt: skip
-        self._on_mode, self._on_trouble = on_mode, on_trouble
+        self._on_mode, self._on_trouble, self._ledger = on_mode, on_trouble, ledger
+        self._operator = config.task.operator
         self._lanes = None if config.simulated else stop_lanes(devices)  # virtual time does not stall
         self._modes = ModeLog(ledger)
         self._told = safety.SafetyState()
@@ -57,10 +59,12 @@ class Upkeep:
 
     @asynccontextmanager
     async def living(
-        self, on_odometry: Callable[[Odometry], None], polls: Sequence[Poll] = ()
+        self, on_odometry: Callable[[Odometry], None], polls: Sequence[Poll] = (), attended: bool = False
     ) -> AsyncIterator[asyncio.TaskGroup]:
         """Poll and supervise as long as the block lasts; then valve shut, base halted, arm held, outputs off.
 
+        It comes up in the latch that the last life of the ledger ended in, unless a person's command ``attended`` began
+        it: that command acknowledges the latch.
         ``UnavailableError`` when a device does not report. Errors leave in an ``ExceptionGroup``.
         """
         try:
@@ -69,6 +73,7 @@ class Upkeep:
                 self.supervisor = supervisor
                 supervisor.keep("mode log", "ledger", self._modes.run)
                 try:
+                    await self._take_up(attended)
                     self._supervise(supervisor, on_odometry, polls)
                     if watch is not None:
                         supervisor.poll("stall watch", "runtime", watch.beat, watch.beat_s, WATCH_SILENCE_S)
@@ -88,6 +93,24 @@ class Upkeep:
             if not decision.allowed:
                 reasons = (*decision.reasons, *self.actuation.state.causes)
                 raise UnavailableError(f"cannot {step}: {'; '.join(reasons)}")
+
+    async def acknowledged(self, former: safety.SafetyState) -> None:
+        """What else an operator's acknowledgement of this state means: whoever was told to check the nozzle did so."""
+        if safety.concerns(former, NOZZLE):
+            await self.actuation.nozzle_checked(self._operator)
+
+    async def _take_up(self, attended: bool) -> None:
+        last = self._ledger.last_event(MODE_EVENT)  # nothing is polled yet that this could hold up
+        former = safety.taken_up(last.text if last is not None else "")
+        if former.mode not in safety.LATCHED:
+            return
+        if not attended:
+            self.actuation.take_up(former)
+            return
+        text = f"this command acknowledges the {former.mode} {'; '.join(former.causes)}"
+        self._on_trouble(text)
+        self._modes.put(f"{safety.Mode.DISARMED} {text}", asyncio.get_running_loop().time())
+        await self.acknowledged(former)
 
     def _supervise(
         self, supervisor: Supervisor, on_odometry: Callable[[Odometry], None], polls: Sequence[Poll]
@@ -144,7 +167,7 @@ class Upkeep:
         if (state.mode, state.causes) == (self._told.mode, self._told.causes):
             return
         self._told = state
-        self._modes.put(f"{state.mode} {'; '.join(state.causes)}".strip(), asyncio.get_running_loop().time())
+        self._modes.put(safety.mode_line(state), asyncio.get_running_loop().time())
         self._on_mode(state)
 
     @asynccontextmanager

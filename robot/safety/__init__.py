@@ -8,9 +8,10 @@ from robot.safety.catalogue import CATALOGUE, Action, Clear, FaultKind
 from robot.safety.envelope import authorise_motion, authorise_spray, settle_booking, still_allowed
 from robot.safety.failsafe import fault_of, most_severe
 from robot.safety.faults import clear_fault, report_fault
+from robot.safety.latches import concerns, mode_line, taken_up
 from robot.safety.lease import beat_lease, holder_reasons, release_lease, take_lease
 from robot.safety.limits import Limits
-from robot.safety.modes import MODE_CHANGES, Verb, change_mode
+from robot.safety.modes import LATCHED, MODE_CHANGES, Verb, change_mode
 from robot.safety.monitor import watch
 from robot.safety.values import (
     ActiveFault,
@@ -28,6 +29,7 @@ from robot.safety.values import (
 
 __all__ = [
     "CATALOGUE",
+    "LATCHED",
     "MODE_CHANGES",
     "Action",
     "ActiveFault",
@@ -50,8 +52,10 @@ __all__ = [
     "beat_lease",
     "change_mode",
     "clear_fault",
+    "concerns",
     "fault_of",
     "holder_reasons",
+    "mode_line",
     "most_severe",
     "reasons_against_arming",
     "release_lease",
@@ -59,5 +63,6 @@ __all__ = [
     "settle_booking",
     "still_allowed",
     "take_lease",
+    "taken_up",
     "watch",
 ]

@@ -42,7 +42,7 @@ MODE_CHANGES: dict[tuple[Mode, Verb], Mode] = {
     (Mode.ESTOP, Verb.RESET): Mode.DISARMED,
 }
 
-_LATCHED = (Mode.SAFE_STOP, Mode.ESTOP)
+LATCHED = (Mode.SAFE_STOP, Mode.ESTOP)
 _TOWARDS_MOTION = (Verb.ARM, Verb.START, Verb.OPERATE)
 
 
@@ -54,7 +54,7 @@ def change_mode(
         return latch(state, Mode.ESTOP, cause), Decision(())
     if verb is Verb.STOP:
         return latch(state, state.mode if state.mode is Mode.ESTOP else Mode.SAFE_STOP, cause), Decision(())
-    if verb is Verb.DISARM and state.mode not in _LATCHED:
+    if verb is Verb.DISARM and state.mode not in LATCHED:
         return replace(state, mode=Mode.DISARMED, causes=()), Decision(())
     target = MODE_CHANGES.get((state.mode, verb))
     if target is None:
@@ -81,7 +81,7 @@ def _reasons(state: SafetyState, verb: Verb, inputs: Inputs | None, now_s: float
 
 def latch(state: SafetyState, mode: Mode, cause: str) -> SafetyState:
     """Into a mode that only an operator ends; a latched mode collects its causes, each once."""
-    before = state.causes if state.mode in _LATCHED else ()
+    before = state.causes if state.mode in LATCHED else ()
     causes = before if cause in before else (*before, cause)
     return replace(state, mode=mode, causes=causes, self_resume=False)
 

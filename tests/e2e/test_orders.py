@@ -70,8 +70,13 @@ def test_from_disarmed_to_started_and_stopped_and_back(give, robot: Living) -> N
     robot.until(lambda: robot.get("/v1/status").body["mission"]["state"] == "move")
     assert give("pause")[:2] == (0, "paused\n")
     assert give("resume")[:2] == (0, "auto\n")
+    assert give("refill", "5000") == (
+        1, "", "sprayer: refill: the tank is not filled in mode auto; pause or stop first\n",
+    )  # fmt: skip
     assert give("stop") == (0, "valve: stopped\nbase: stopped\narm: stopped\npump: stopped\n", "")
     assert "cause: STOP at the command line" in give("status")[1]
+    assert give("refill", "5000.5") == (0, "5000.5 ml in the tank, safe_stop\n", "")
+    assert robot.get("/v1/status").body["tank_left_ml"] == 5000.5
     assert give("arm")[0] == 1
     assert give("acknowledge") == (0, "disarmed\n", "")
     assert give("reset")[0] == 1
@@ -86,14 +91,15 @@ def test_a_wrong_use_is_told_in_one_line(give) -> None:  # type: ignore[no-untyp
 
 
 PROJECT = Path(__file__).parents[2]
-VERBS = ("status", "stop", "arm", "start", "pause", "resume", "acknowledge", "reset", "disarm")
+VERBS = ("status", "stop", "arm", "start", "pause", "resume", "acknowledge", "reset", "disarm", "refill")
 
 
 @pytest.mark.parametrize("verb", VERBS)
 def test_where_no_robot_runs_every_order_ends_with_69_and_one_line(
     verb: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    assert run_command([verb, "--socket", str(tmp_path / "none.sock")]) == 69
+    words = [verb, "8000"] if verb == "refill" else [verb]
+    assert run_command([*words, "--socket", str(tmp_path / "none.sock")]) == 69
     errors = capsys.readouterr().err
     assert errors.startswith("sprayer: no robot answers at")
     assert errors.count("\n") == 1

@@ -27,7 +27,6 @@ from robot.runtime.signals import StopSignals
 from robot.runtime.upkeep import Upkeep
 from robot.safety.timing import LEASE_BEAT_S
 
-_LATCHED = (safety.Mode.SAFE_STOP, safety.Mode.ESTOP)
 _SIGNAL = "stopped by "
 
 
@@ -97,7 +96,7 @@ async def manual(
         localiser = Localiser(settings.track_m, None, FixRules())
         todays_task = replace(task(config, row), route=BY_HAND)
         hands = ByHand(settings, limits(config), todays_task, upkeep.actuation, localiser, ledger, tell)
-        async with upkeep.living(localiser.on_odometry) as group:
+        async with upkeep.living(localiser.on_odometry, attended=True) as group:
             odometry = upkeep.actuation.odometry
             assert odometry is not None  # first readings were awaited
             localiser.start(Pose2(0.0, 0.0, 0.0), odometry)
@@ -116,7 +115,7 @@ async def manual(
 
 
 def _note(state: safety.SafetyState, stopped: asyncio.Event) -> None:
-    if state.mode in _LATCHED:
+    if state.mode in safety.LATCHED:
         stopped.set()
 
 
@@ -139,11 +138,11 @@ async def _operating(actuation: Actuation, stopped: asyncio.Event) -> AsyncItera
         async with _until(stopped):
             yield
     except Exception as error:
-        if actuation.state.mode in _LATCHED:
+        if actuation.state.mode in safety.LATCHED:
             raise Stopped(actuation.state.causes) from error
         await actuation.stop(str(error))
         raise
-    if actuation.state.mode in _LATCHED:
+    if actuation.state.mode in safety.LATCHED:
         raise Stopped(actuation.state.causes)
     await actuation.halt_base()
     for verb in (safety.Verb.FINISH, safety.Verb.DISARM):

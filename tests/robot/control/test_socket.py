@@ -129,6 +129,24 @@ def test_a_start_that_cannot_be_meant_so_is_refused_with_the_reason(body, status
     assert robot.get("/v1/status").body["mode"] == "disarmed"
 
 
+@pytest.mark.parametrize(
+    ("body", "status", "words"),
+    [
+        (b"{}", 400, "'tank_ml': expected a number, found nothing"),
+        (b'{"tank_ml": "8000"}', 400, "'tank_ml': expected a number, found str"),
+        (b'{"tank_ml": true}', 400, "'tank_ml': expected a number, found bool"),
+        (b'{"ml": 8000}', 400, "unknown field 'ml'"),
+        (b'{"tank_ml": NaN}', 409, "a refill to nan ml: expected what the tank holds now"),
+        (b'{"tank_ml": -1}', 409, "a refill to -1 ml"),
+        (b'{"tank_ml": 1' + b"0" * 400 + b"}", 409, "a refill to inf ml"),
+        (b'{"tank_ml": 8000}', 409, "no task is unfinished"),
+    ],
+)
+def test_a_refill_that_cannot_be_meant_so_is_refused_with_the_reason(body, status, words, robot):
+    found, answer = raw(robot, post_of("refill", body))
+    assert (found, words in str(answer["error"])) == (status, True), answer
+
+
 def test_a_refusal_lists_every_reason(robot):
     answer = robot.post("resume")
     assert answer.status == 409

@@ -165,6 +165,21 @@ def test_the_e_stop_and_the_bumper_end_it_with_their_name(act, command, mode, wo
     is_let_go(session)
 
 
+def test_the_next_session_acknowledges_what_the_last_one_was_latched_for_and_says_so(tmp_path):
+    async def bumped(hands, twin):
+        twin.apply(hands.now_s(), WorldBumper(True))
+        try:
+            await jog(hands, twin)
+        finally:
+            twin.apply(hands.now_s(), WorldBumper(False))
+
+    assert by_hand(tmp_path, bumped).modes[-1] == "safe_stop"
+    session = by_hand(tmp_path, jog)
+    assert session.error is None
+    assert "this command acknowledges the safe_stop before the restart: the bumper" in " ".join(session.told)
+    assert session.modes[-1] == "disarmed"
+
+
 @pytest.mark.parametrize(
     ("command", "words"),
     [(WorldEstop(True), "the e-stop"), (WorldTilt(0.4, 0.0), "the rover tilts"), (WorldBumper(True), "the bumper")],
