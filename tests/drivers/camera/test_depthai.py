@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import importlib.util
 import os
+import time
 from datetime import timedelta
 from typing import Any
 
@@ -139,6 +140,8 @@ class Bench:
         return self._out.get(timedelta(seconds=1.0))
 
     def close(self) -> None:
+        """The node of depthai 3.12 never ends when it is stopped in the moment in which it begins to wait."""
+        time.sleep(0.02)
         self._pipeline.stop()
 
 
