@@ -17,7 +17,7 @@ from robot.runtime.devices import Devices
 from robot.runtime.mode_log import MODE_EVENT, ModeLog
 from robot.runtime.settings import hand_settings, limits
 from robot.runtime.stall_watch import CAUSE, StallWatch, stop_lanes
-from robot.safety.failsafe import TASK_FAULTS, fault_of
+from robot.safety.failsafe import fault_of
 from robot.supervision import Health, Supervisor, TaskHealth
 
 FIRST_READINGS_S = 3.0
@@ -50,6 +50,7 @@ class Upkeep:
         self._lanes = None if config.simulated else stop_lanes(devices)  # virtual time does not stall
         self._modes = ModeLog(ledger)
         self._told = safety.SafetyState()
+        self._failed_tasks: set[str] = set()  # faults that a failing task is
         self._resumes_itself = config.safety.self_resume
         self.actuation = Actuation(
             devices.arm, devices.relay, devices.wheels, devices.inputs, ledger, limits(config), hand_settings(config),
@@ -131,8 +132,9 @@ class Upkeep:
 
     async def _look_after(self, supervisor: Supervisor) -> None:
         """Clear the faults of tasks that are well again, and end a pause that may end by itself."""
-        for fault_id in sorted({fault.id for fault in self.actuation.state.faults} & _TASKS_FAULTS):
+        for fault_id in sorted(self._failed_tasks):
             if all(health.state is Health.READY for health in _tasks_of(fault_id, supervisor.health)):
+                self._failed_tasks.discard(fault_id)
                 self.actuation.clear(fault_id)
         if self._resumes_itself and self.actuation.state.mode is safety.Mode.PAUSED:
             self.actuation.change_mode(safety.Verb.RESUME_SELF, "the cause of the pause is gone")
@@ -194,10 +196,8 @@ class Upkeep:
     def _on_fault(self, group: asyncio.TaskGroup, name: str, text: str) -> None:
         what = text if text.startswith(f"{name}: ") else f"{name}: {text}"
         self._on_trouble(what)
+        self._failed_tasks.add(fault_of(name))
         group.create_task(self.actuation.report(fault_of(name), what), name=f"fault of {name}")
-
-
-_TASKS_FAULTS = frozenset(TASK_FAULTS.values()) | {fault_of("any other task")}
 
 
 def _tasks_of(fault_id: str, tasks: Sequence[TaskHealth]) -> list[TaskHealth]:
