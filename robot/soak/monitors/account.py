@@ -40,7 +40,7 @@ class Account(Monitor):
         self._true_target_ml: dict[int, float] = {}
         self._intent: IntentSeen | None = None
         self._sound_at_opening = True
-        self._books_anothers_shot = False
+        self._owed: frozenset[int] = frozenset()
         self._row_disobeyed_ml = 0.0
 
     def new_row(self) -> None:
@@ -54,7 +54,7 @@ class Account(Monitor):
 
     def begin(self) -> None:
         self._life_booked_ml, self._life_true_ml = self.court.ledger.booked_ml, self._obeyed_ml()
-        self._books_anothers_shot = self.court.ledger.pending_ml > 0.0  # of the life before, which was killed in it
+        self._owed = frozenset(self.court.ledger.open)  # shots of the life before, which was killed in them
 
     def line(self, line: Line) -> None:
         if is_valve_pulse(line):
@@ -80,7 +80,7 @@ class Account(Monitor):
         self._compare("after the life")
         booked_ml = self.court.ledger.booked_ml - self._life_booked_ml
         true_ml = self._obeyed_ml() - self._life_true_ml
-        exact = self.court.clean and not self._books_anothers_shot
+        exact = self.court.clean and not self._owed
         if exact and true_ml > FAULTLESS_FROM_ML and booked_ml > (1.0 + FAULTLESS_SHARE) * true_ml:
             self.court.report("P9", f"a life without faults booked {booked_ml:.2f} ml, {true_ml:.2f} ml were sprayed")
 
@@ -102,7 +102,10 @@ class Account(Monitor):
     def _compare(self, when: str) -> None:
         ledger = self.court.ledger
         booked_ml = ledger.booked_ml - self._row_booked_ml
-        pending_ml = ledger.pending_ml if self.court.killed_s is not None else 0.0
+        pending_ml = sum(
+            intent.full_ml for intent in ledger.open.values()
+            if self.court.killed_s is not None or intent.id in self._owed  # a life that cannot come up books nothing
+        )  # fmt: skip
         true_ml = self._obeyed_ml()
         if booked_ml + pending_ml < true_ml - EPSILON_ML:
             self.court.report("P9", f"{when} {booked_ml:.2f} ml are booked, {true_ml:.2f} ml left the nozzle")
