@@ -129,6 +129,15 @@ class ServoLine:
         self._require(result, servo_id, what)
         self._require_done(error, servo_id, what)
 
+    def write_surely(self, servo_id: int, address: int, data: bytes) -> None:
+        """Like ``write``, at the second or third attempt if need be: for what may be written twice."""
+        for _ in range(SURE_TRIES - 1):
+            try:
+                return self.write(servo_id, address, data)
+            except DeviceTimeout:
+                continue
+        return self.write(servo_id, address, data)
+
     def write_register(self, servo_id: int, register: Register, value: int) -> None:
         self.write(servo_id, register.address, register.encode(value))
 

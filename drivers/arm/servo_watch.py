@@ -55,11 +55,11 @@ class ServoWatch:
     def arm(self, servos: ServoLine, health: ServoHealth, found: int) -> None:
         """Clear the watchdog and set it. A servo that it has stopped takes its place as its goal first."""
         self._half_armed.add(health.servo_id)
-        servos.write(health.servo_id, blocks.WATCHDOG_ADDRESS, b"\0")
+        servos.write_surely(health.servo_id, blocks.WATCHDOG_ADDRESS, b"\0")
         if found == blocks.WATCHDOG_TRIPPED and health.torque_on:
             place = servos.read(health.servo_id, blocks.POSITION_ADDRESS, blocks.POSITION_BYTES)
-            servos.write(health.servo_id, blocks.PROFILE_ADDRESS, self._rest_profile + place)
-        servos.write(health.servo_id, blocks.WATCHDOG_ADDRESS, bytes([self._units]))
+            servos.write_surely(health.servo_id, blocks.PROFILE_ADDRESS, self._rest_profile + place)
+        servos.write_surely(health.servo_id, blocks.WATCHDOG_ADDRESS, bytes([self._units]))
         self._half_armed.discard(health.servo_id)
 
     def was_powerless(self, servo_id: int, found: int) -> bool:
