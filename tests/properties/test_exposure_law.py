@@ -75,7 +75,9 @@ def test_from_any_start_in_any_light_it_comes_to_rest(bounds, start, brightness,
     well = 1.0 / GOALS.dead_band <= reading.level / GOALS.level <= GOALS.dead_band
     held_back = reading.highlight * GOALS.dead_band >= GOALS.highlight and reading.level < GOALS.level * GOALS.dead_band
     at_bounds = not 1.01 * shortest.product_s < setting.product_s < longest.product_s / 1.01
-    assert well or held_back or at_bounds
+    # a gain bound below 2 leaves gaps between whole half periods, and flicker is worse than a picture that is too dark
+    in_a_gap = bounds.half_period_s is not None and bounds.greatest_gain < 2.0 and reading.level < GOALS.level
+    assert well or held_back or at_bounds or in_a_gap
     for number in range(100, 104):  # and it rests, whatever the noise
         views = photograph(light, setting, 2 * number), photograph(light, setting, 2 * number + 1)
         again = next_setting(meter(*views, setting.exposure_s, setting.gain), setting, bounds, GOALS)
