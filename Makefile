@@ -19,7 +19,7 @@ HOURS  ?= 72
 
 help:
 	@echo "make demo       spray a simulated row and write a report (SEED=1 SPEED=10 CONFIG=configs/demo.toml)"
-	@echo "make test       the test suite (about 6 minutes on two cores)"
+	@echo "make test       the test suite (about 8 minutes on two cores)"
 	@echo "make test-peers independent programs talk to our drivers and emulators (gpsd, mbpoll, gammu, smsd, rustypot, systemd)"
 	@echo "make test-long  the slow tests too"
 	@echo "make soak       the whole robot for 72 hours of virtual time, everything goes wrong (HOURS=72 SEED=1)"
