@@ -21,26 +21,25 @@ VALVE_LAG_S = 0.06  # closing latency and its deviation, on top of the board's t
 QUICK = 4
 MOMENTS = [pytest.param(n, marks=[pytest.mark.long] if n >= QUICK else []) for n in range(20)]
 KILLS = 8  # of a row that is gone on with after each
-WORLD, VIEW = '"kind":"world"', '"kind":"view"'
+STOPS_M = (0.45, 0.85, 1.25)
+VIEW = '"kind":"view"'
 OPENING = '"device":"relay","verb":"pulse","args":{"channel":"valve"'
 
 
-def _strike(process, truth: Path, moment: int, number: signal.Signals) -> None:
-    """Send the signal at a random moment: every second time while a shot is under way."""
-    dice = random.Random(moment)
+def _begin_and_strike(config: Path, out: Path, moment: int, number: signal.Signals, *more: str) -> tuple[int, str]:
+    """(exit code, stderr) of a run that gets the signal at a random moment: every second time when it has just opened
+    the valve, and else after its next look."""
+    dice, truth = random.Random(moment), out / "truth.jsonl"
+    wanted, wait_s, count = VIEW, dice.uniform(0.0, 1.5), 1
     if moment % 2:
-        _wait_for_more(process, truth, OPENING, dice.randint(1, 3))
-        time.sleep(dice.uniform(0.0, 0.08))
-    else:
-        _wait_for_more(process, truth, VIEW, 1)
-        time.sleep(dice.uniform(0.0, 1.5))
+        just_now = moment % 4 == 1
+        wanted, wait_s, count = OPENING, dice.uniform(0.0, 0.01 if just_now else 0.08), 1 if just_now else 2
+    before = truth.read_text(errors="replace").count(wanted) if truth.exists() else 0
+    process = begin(config, out, *more, "--speed", SPEED)
+    wait_for_line(process, truth, wanted, before + count)
+    time.sleep(wait_s)
     process.send_signal(number)
-
-
-def _wait_for_more(process, truth: Path, wanted: str, more: int) -> None:
-    """Until so many lines have come since the process began."""
-    before = truth.read_text(errors="replace").rpartition(WORLD)[0].count(wanted) if truth.exists() else 0
-    wait_for_line(process, truth, wanted, before + more)
+    return finish(process)
 
 
 def _ledger_ml(out: Path) -> tuple[float, int]:
@@ -66,23 +65,24 @@ def _opens_valve(command: Command) -> bool:
 
 @pytest.mark.parametrize("chain", [0, 1, pytest.param(2, marks=pytest.mark.long)])
 def test_after_each_of_many_kills_the_row_goes_on_with_no_shot_lost_or_doubled(chain, tmp_path):
-    config, rows, kills = short_row(tmp_path), 0, 0
+    config, rows, kills, openings, in_a_shot = short_row(tmp_path, STOPS_M), 0, 0, 0, 0
     while kills < KILLS:
         out = tmp_path / str(rows)
         out.mkdir()
         kills += _kill_until_done(config, out, KILLS - kills, moment=100 * chain + kills)
-        _is_shut_and_booked(out)
+        opened, cut = _is_shut_and_booked(out)
+        openings, in_a_shot = openings + opened, in_a_shot + cut
         _comes_up_disarmed(config, out)
         rows += 1
+    assert openings >= 3  # or nothing was shown
+    assert in_a_shot >= 1
 
 
 def _kill_until_done(config: Path, out: Path, most: int, moment: int) -> int:
     """How many processes were killed before one came to the end of the row."""
     for kills in range(most):
         resume = ("--resume",) if (out / "ledger.sqlite").exists() and _tasks(out) else ()
-        process = begin(config, out, "--start", *resume, "--speed", SPEED)
-        _strike(process, out / "truth.jsonl", moment + kills, signal.SIGKILL)
-        code, errors = finish(process)
+        code, errors = _begin_and_strike(config, out, moment + kills, signal.SIGKILL, "--start", *resume)
         if code == 0:
             return kills
         assert code == -signal.SIGKILL, errors
@@ -94,7 +94,8 @@ def _tasks(out: Path) -> int:
         return len(ledger.tasks())
 
 
-def _is_shut_and_booked(out: Path) -> None:
+def _is_shut_and_booked(out: Path) -> tuple[int, int]:
+    """The openings of the valve, and how many of them a kill left without an outcome."""
     truth = out / "truth.jsonl"
     after = run_on(truth)
     assert after.longest_opening_s <= _longest_pulse_s(truth) + VALVE_LAG_S
@@ -108,6 +109,7 @@ def _is_shut_and_booked(out: Path) -> None:
     never_opened = [shot for shot in shots if shot.result is not None and shot.result.outcome is Outcome.NOT_OPENED]
     killed_before = sum(shot.result is None or "outcome" in shot.result.reason for shot in shots)
     assert openings <= len(shots) - len(never_opened) <= openings + killed_before
+    return openings, killed_before
 
 
 def _comes_up_disarmed(config: Path, out: Path) -> None:
@@ -130,9 +132,7 @@ def _comes_up_disarmed(config: Path, out: Path) -> None:
 @pytest.mark.parametrize("moment", MOMENTS)
 def test_a_stop_signal_shuts_the_valve_at_once_and_books_every_shot(moment, tmp_path):
     config, truth = short_row(tmp_path), tmp_path / "truth.jsonl"
-    process = begin(config, tmp_path, "--start", "--speed", SPEED)
-    _strike(process, truth, moment, signal.SIGTERM)
-    code, errors = finish(process)
+    code, errors = _begin_and_strike(config, tmp_path, moment, signal.SIGTERM, "--start")
     assert code == 0, errors
 
     after = run_on(truth)
