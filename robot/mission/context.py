@@ -31,7 +31,8 @@ class Progress:
 
     ``frame_pose`` is the base's pose at the frame in which the present targets were seen; ``seen`` their ids;
     ``queue`` the ids still to be treated at this stop, None before they were chosen; ``aimed`` the id under the nozzle.
-    ``lamp_added_1_s`` what the lamp added to the light when it was lit; ``exposure_refused`` what the camera answered.
+    ``lamp_added_1_s`` what the lamp added to the light when it was lit; ``exposure_refused`` what the camera answered;
+    ``nonsense`` how many frames in a row were dropped because the detector's answer could not be.
     """
 
     book: Book = field(default_factory=Book)
@@ -42,6 +43,7 @@ class Progress:
     aimed: int | None = None
     lamp_added_1_s: float = 0.0
     exposure_refused: str = ""
+    nonsense: int = 0
 
 
 @dataclass(frozen=True, slots=True, eq=False)

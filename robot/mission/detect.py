@@ -20,11 +20,12 @@ from robot.vision.plausible import implausible
 from robot.vision.values import Fruit
 
 LONGEST_DETECTION_S = 60.0
+NONSENSE_MAX = 3  # frames in a row
 _STAMP_TOLERANCE_S = 0.2  # of a camera whose latency is not known well; the base has stood for longer than that
 
 
 class VisionError(SprayerError):
-    """The detector hangs: nobody knows what it holds up."""
+    """The detector hangs, or gives nothing but nonsense."""
 
 
 class LightError(SprayerError):
@@ -48,6 +49,7 @@ async def detect(context: MissionContext) -> Event:
     fruits, nonsense = await _fruits_in(context, frame)
     if nonsense:
         return await _leave_out(context, frame, light, f"the detector gave {nonsense}; this frame is dropped [F57]")
+    context.progress.nonsense = 0
     pose = _correct_pose(context, fruits, frame.stamp_s)
     book, matches = observe(context.progress.book, _sightings(context, fruits, pose), frame.stamp_s, settings.book)
     await context.keep(_judged(book, context))
@@ -75,8 +77,15 @@ async def _fruits_in(context: MissionContext, frame: StereoFrame) -> tuple[tuple
 
 
 async def _leave_out(context: MissionContext, frame: StereoFrame, light: StopLight, why: str) -> Event:
-    """Nothing is looked for in such a frame, so nothing is sprayed at this stop; it is told and written down."""
+    """Nothing is looked for in such a frame, so nothing is sprayed at this stop; it is told and written down.
+
+    ``VisionError`` when frame after frame is so: the row would end as done with nothing sprayed.
+    """
     text = await _tell_left_out(context, frame, light, why, "vision")
+    context.progress.nonsense += 1
+    if context.progress.nonsense >= NONSENSE_MAX:
+        context.progress.nonsense = 0  # who resumes has looked
+        raise VisionError(f"{text}; so were the {NONSENSE_MAX - 1} before it: look at camera and detector, then resume")
     context.publish(Trouble(text, context.now_s()))
     return Event.NO_TARGETS
 
